@@ -1,4 +1,5 @@
-"""From geometry to stress: multi-level material point grid, particles, constitutive laws, equilibrium."""
+"""The mechanics, from geometry to stress: multi-level material point grid, particles, constitutive laws,
+equilibrium."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""From plastic strain to seismic events: potency, events, catalogue."""
+"""Seismic events from plastic strain: potency, events, catalogue."""
 
 from common.provenance import use_numba_cache
 

@@ -1,4 +1,4 @@
-"""Where the plastic strain of a step went: a closed budget per tensor component."""
+"""The budget of a step's plastic strain, closed in each tensor component."""
 
 import logging
 from typing import Any

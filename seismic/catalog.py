@@ -71,7 +71,7 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
 
 
 def _mean_share(name: str, steps: list[xr.Dataset], budgets: list[dict]) -> float:
-    """Of an attribute of steps, weighted by what their particles released; 0 where nothing failed."""
+    """Mean of an attribute of steps, weighted by what their particles released; 0 where nothing failed."""
     weights = [budget["particle_scalars"] for budget in budgets]
     return float(np.average([step.attrs[name] for step in steps], weights=weights)) if sum(weights) else 0.0
 

@@ -107,7 +107,7 @@ def neighbour_pairs(
 
 
 def number_by_first(label: NDArray) -> NDArray:
-    """The same partition with labels 0, 1, ... in the order of each label's first particle."""
+    """The partition with labels 0, 1, ... in the order of each label's first particle."""
     _, first, inverse = np.unique(label, return_index=True, return_inverse=True)
     number = np.empty(len(first), np.int64)
     number[np.argsort(first)] = np.arange(len(first))

@@ -58,7 +58,7 @@ class SeismicSettings(Settings):
         return self.cluster or ClusterSettings()
 
     @property
-    def fewest(self) -> int:
+    def min_particles(self) -> int:
         """Smallest number of particles of a resolved event."""
         return self.clustering.min_samples if self.method == "families" else self.least_particles
 

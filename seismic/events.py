@@ -40,7 +40,7 @@ CLOSENESS_TRIED = (0.6, 0.7, 0.8, 0.9, 0.95)
 
 @dataclass(frozen=True)
 class FailedRock:
-    """What a step's events are made of: particles that failed in it with a drop, (k,).
+    """The particles that a step's events consist of: those that failed in it with a drop, (k,).
 
     where: name of the step for messages; source (k,): their index in the step, potency (k, 6) m3, center (k, 3) m of
     the part of the cell that is theirs, spacing (k,) m, order (k, 2): increment and generation of their failure.
@@ -64,8 +64,8 @@ class FailedRock:
 
 
 def failed_rock(step: xr.Dataset, settings: EventSettings, needed: tuple[str, ...] = ROCK_VARIABLES) -> FailedRock:
-    """Of a step with the variables needed, as extract_events takes it. Raises InputError if it lacks something or
-    contradicts itself."""
+    """Failed rock of a step with the variables needed, as extract_events takes it. Raises InputError if it lacks
+    something or contradicts itself."""
     where = _check_step(step, settings, needed)
     strained, (strain,), volume = _strained(step, where, STRAIN_VARIABLES["seismic"])
     potency = particle_potency(strain, volume, settings.seismic_fraction)
@@ -139,7 +139,7 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
         "budget": json.dumps(budget)
     }
     attributes["unlike_share"] = unlike_share(potency, event, event_potency, chosen.closeness)
-    attributes["at_once_share"] = at_once_share(weight, event, order, chosen.fewest)
+    attributes["at_once_share"] = at_once_share(weight, event, order, chosen.min_particles)
     logging.info(
         "%s: %d failed particles, %d events, %d of them resolved; %.3f of the potency in particles unlike their event, "
         "%.3f in events that the load began at once",
@@ -175,12 +175,12 @@ def find_events(
         family, _ = find_families(potency, settings.closeness)
         return find_clusters(position, spacing, family, settings.clustering)
     label = find_regions(position, spacing, potency, failure_order, settings.closeness, reach)
-    return label, np.bincount(label) >= settings.fewest
+    return label, np.bincount(label) >= settings.min_particles
 
 
 def slips_on_planes(step: xr.Dataset, source: NDArray) -> NDArray:
-    """Which particles (k,) of a step slipped on weak planes, (k,) bool: their seismic strain leaves the planes as they
-    are, whatever they do along and across each other."""
+    """(k,) bool: True where a particle (k,) of a step slipped on weak planes: their seismic strain leaves the planes as
+    they are, whatever they do along and across each other."""
     normals = json.loads(step.attrs["plane_normals"])
     material, strain = step["material"].values[source], tensor_from_voigt(step["seismic_strain"].values[source])
     found = np.zeros(len(source), bool)
@@ -278,7 +278,7 @@ def _locate(
 def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spacing: NDArray) -> dict:
     """Attributes of the event dataset.
 
-    potency_floor, m3: potency of `fewest` full particles (cells, at one particle per cell) of the median spacing
+    potency_floor, m3: potency of `min_particles` full particles (cells, at one particle per cell) of the median spacing
     at the median drop of this step's failed particles: the smallest event that can be resolved. location_error, m:
     the median spacing, below which the model cannot tell where something failed. Both NaN where nothing failed.
     """
@@ -287,7 +287,7 @@ def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spac
         location_error = float(np.median(spacing))
         full = location_error**settings.dimension * (settings.thickness or 1.0)
         drop = settings.seismic_fraction * np.median(scalar_potency(tensor_from_voigt(strain)))
-        floor = float(settings.fewest * drop * full)
+        floor = float(settings.min_particles * drop * full)
     kept = {name: step.attrs[name] for name in (*STEP_ATTRIBUTES, *UNDATED, *LABEL_ATTRIBUTES)}
     return kept | {
         "kind": "synthetic",
@@ -296,7 +296,7 @@ def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spac
         "seismic_fraction": settings.seismic_fraction,
         "method": settings.method,
         "closeness": settings.closeness,
-        "least_particles": settings.fewest,
+        "least_particles": settings.min_particles,
         "cluster": json.dumps(settings.cluster.given() if settings.cluster else {}, sort_keys=True),
         "frame": json.dumps(settings.frame.given(), sort_keys=True),
     }

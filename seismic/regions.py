@@ -92,7 +92,7 @@ def links(
 
 @njit(cache=True)
 def _are_linked(first, second, position, spacing, unit, generation, threshold, reach):
-    """Which pairs of particles (pair,) touch, failed at most one generation apart, and are alike: (pair,) bool."""
+    """(pair,) bool: True where a pair of particles touches, failed at most one generation apart, and is alike."""
     linked = np.zeros(len(first), np.bool_)
     for pair in range(len(first)):
         a, b = first[pair], second[pair]
@@ -243,7 +243,7 @@ def _choose(tensor, total, scalar, size, least, following, lot, first, second, s
 
 @njit(cache=True)
 def _may_join(a, b, threshold, tensor, total, scalar, least, following):
-    """Whether two regions may join: their mechanisms are similar, and no particle is opposed to their tensor."""
+    """True if two regions may join: their mechanisms are similar, and no particle is opposed to their tensor."""
     aa, ab, bb = _products(total, a, b)
     joined = np.sqrt(aa + 2.0 * ab + bb)
     if joined < threshold * (scalar[a] + scalar[b]):
@@ -259,7 +259,7 @@ def _may_join(a, b, threshold, tensor, total, scalar, least, following):
 
 @njit(cache=True)
 def _opposed(particle, a, b, tensor, total, following):
-    """Whether one of a chain of particles is opposed to the tensors of two regions together."""
+    """True if one of a chain of particles is opposed to the tensors of two regions together."""
     while particle >= 0:
         product = 0.0
         for k in range(6):

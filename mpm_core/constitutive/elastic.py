@@ -1,4 +1,4 @@
-"""What all laws share: isotropic linear elasticity one tensor at a time, where a return ends, and round-off.
+"""Isotropic linear elasticity, and the numbers that all laws share: where a return ends, and round-off.
 
 Tensors are six numbers xx, yy, zz, yz, xz, xy with TENSOR shear (half the engineering shear), tension positive.
 The kernels are scalar for use inside loops over particles; numba also compiles them for whole arrays, and takes the

@@ -122,10 +122,10 @@ def lane_by_lane(return_to_surface):
 
 
 def tangent_by_differences(return_to_surface):
-    """A law's `fallen_stiffness` (see isotropic.py), by forward differences of its return."""
+    """A law's `stiffness_reduction` (see isotropic.py), by forward differences of its return."""
 
     @njit(error_model="numpy")
-    def fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
+    def stiffness_reduction(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
         trial = (xx, yy, zz, yz, xz, xy)
         txx, tyy, tzz, tyz, txz, txy, region = return_to_surface(
             xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row
@@ -157,7 +157,7 @@ def tangent_by_differences(return_to_surface):
                 matrix[a, b] = (change[a] - (after[a] - returned[a])) / step
         return True
 
-    return fallen_stiffness
+    return stiffness_reduction
 
 
 @functools.cache

@@ -5,7 +5,7 @@ positive; t in the same order, region as in elastic.py. Principal directions are
 cached by itself, but with the kernels that call it.
 
 The consistent tangent of the return says what a small strain takes off elastic stress.
-`fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix) -> bool` writes the derivative of
+`stiffness_reduction(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix) -> bool` writes the derivative of
 (elastic trial stress - returned stress) by strain, with engineering shear (2 e_yz), to matrix (6, 6) Pa and says
 whether rock yields; where it does not, matrix is left as it was. Stress xx ... xy Pa is the trial. Not symmetric unless
 flow is associated.
@@ -127,10 +127,10 @@ def _add_dyad(matrix, weight, left, right, first, second, factor):
 
 
 def isotropic_tangent(return_principal):
-    """A law's `fallen_stiffness`, of its return of principal stresses (see above)."""
+    """A law's `stiffness_reduction`, of its return of principal stresses (see above)."""
 
     @njit(error_model="numpy")
-    def fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
+    def stiffness_reduction(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
         s1, s2, s3, n1, n3 = principal_directions(xx, yy, zz, yz, xz, xy)
         t1, t2, t3, region = return_principal(s1, s2, s3, lame_lambda, shear_modulus, row)
         if region == ELASTIC:
@@ -168,4 +168,4 @@ def isotropic_tangent(return_principal):
             _add_dyad(matrix, weight, directions[i], directions[j], directions[i], directions[j], 2.0)
         return True
 
-    return fallen_stiffness
+    return stiffness_reduction

@@ -76,10 +76,10 @@ def mix(first: ModuleType, second: ModuleType) -> ModuleType:
         return one_by_one(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row)
 
     @njit(error_model="numpy")
-    def fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
+    def stiffness_reduction(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row, matrix):
         if row[0] == FIRST:
-            return first.fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row[1:end_1], matrix)
-        return second.fallen_stiffness(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row[1:end_2], matrix)
+            return first.stiffness_reduction(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row[1:end_1], matrix)
+        return second.stiffness_reduction(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row[1:end_2], matrix)
 
     @njit(error_model="numpy")
     def strength_size(row):
@@ -91,7 +91,7 @@ def mix(first: ModuleType, second: ModuleType) -> ModuleType:
 
     functions: tuple[Any, ...] = (
         row_of, surely_admissible, overstress, strength_factor, excess_shear_stress, return_to_surface, return_lanes,
-        fallen_stiffness, strength_size, gains_energy,
+        stiffness_reduction, strength_size, gains_energy,
     )  # fmt: skip
     for function in functions:
         setattr(mixture, function.__name__, function)

@@ -27,7 +27,7 @@ from mpm_core.simd.lanes import choose
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _above(s1, s3, row):
-    """Whether principal stresses are above strength by more than round-off."""
+    """True if principal stresses are above strength by more than round-off."""
     friction = row[FRICTION_FACTOR]
     size = ADMISSIBLE_ROUND_OFF * max(abs(s1), abs(s3))
     beyond_cone = friction * s1 - s3 - row[UNCONFINED_STRENGTH] > (friction + 1.0) * size

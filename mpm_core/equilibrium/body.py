@@ -1,8 +1,7 @@
-"""Rock and fill as every scheme finds them: stress from motion, forces from stress, and what has flowed so far.
+"""Rock and fill as every scheme finds them: stress from motion, forces from stress, and plastic flow so far.
 
-A scheme moves the nodes of a body until its forces balance; how is the scheme's own (explicit_scheme.py,
-multigrid_scheme.py). The body says what follows: stress by the law of its rock, the unbalanced force, the energy on the
-way.
+A scheme moves the nodes of a body until its forces balance (explicit_scheme.py, multigrid_scheme.py). The body computes
+what follows: stress by the law of its rock, the unbalanced force, the energy along the path.
 
 The time step. For a cell of edge h the largest frequency is that of its dilation: K_e's largest eigenvalue over the
 mass at a corner is 4 (d lambda + 2 mu) / (rho h^2), in d dimensions. No frequency of the assembly exceeds the largest
@@ -26,7 +25,7 @@ from functools import cached_property
 import numpy as np
 
 from mpm_core.equilibrium.convergence import NoEquilibrium
-from mpm_core.equilibrium.energy_balance import Way, count_flow
+from mpm_core.equilibrium.energy_balance import EnergyPath, count_flow
 from mpm_core.kernels.nodal_operations import (
     advance_nodes,
     collect_to_parents,
@@ -34,10 +33,10 @@ from mpm_core.kernels.nodal_operations import (
     particle_masses,
     spread_to_hanging,
 )
-from mpm_core.kernels.resting import make_update, note_flow_start, take_back_flow
+from mpm_core.kernels.resting import make_update, record_flow_start, undo_flow
 from mpm_core.model.model import Model
 from mpm_core.model.particles import hourglass_modulus
-from mpm_core.model.state import State, put_back
+from mpm_core.model.state import State, restore
 
 TIME_STEP_SHARE = 0.98  # The time step is this share of the damped limit, which is 1 / sqrt(1 + c) of the undamped one.
 # Failed rock keeps this share of the intact hourglass stiffness. More of it would hold failed rock up.
@@ -55,7 +54,7 @@ class Body:
     displacement is counted from in the check for a run away.
     """
 
-    way: Way
+    energy_path: EnergyPath
     flowing: np.ndarray
 
     def __init__(self, model: Model, state: State, volume: np.ndarray):
@@ -75,7 +74,7 @@ class Body:
 
     @cached_property
     def time_step(self) -> float:
-        """Stable, with damping, s."""
+        """Stable time step with damping, s."""
         return self.time_step_share * density_and_limit(self.model, self.volume)[1]
 
     @cached_property
@@ -111,30 +110,30 @@ class Body:
         np.subtract.at(self.hourglass, cell, (1.0 - FAILED_HOURGLASS_SHARE) * self.particle_hourglass[self.flowing])
 
     def commit(self, in_equilibrium: bool = True) -> None:
-        """What has flowed so far stays; from here on flow is counted from zero."""
+        """Make the flow so far permanent; from here on flow is counted from zero."""
         state = self.state
-        self.way.end(self, count_flow(self), in_equilibrium)
+        self.energy_path.end(self, count_flow(self), in_equilibrium)
         self.flowing = np.flatnonzero(self.failed & (self.volume > 0.0))
         count = len(self.flowing)
         self.flow_start = np.empty((count, 6)), np.empty((count, 6))
-        note_flow_start(self.flowing, state.stress, state.later_strain, *self.flow_start)
+        record_flow_start(self.flowing, state.stress, state.later_strain, *self.flow_start)
 
-    def go_back(self, kept: dict[str, np.ndarray]) -> None:
-        """Return to a committed state kept earlier (state.keep); what has flowed since then is forgotten."""
-        put_back(kept, self.state)
+    def go_back(self, snapshot: dict[str, np.ndarray]) -> None:
+        """Return to a committed state kept earlier (state.snapshot); what has flowed since then is forgotten."""
+        restore(snapshot, self.state)
         self.restart_flow_count()
         self.set_failed()
 
     def restart_flow_count(self) -> None:
-        """Nothing has flowed on the way to the present state."""
+        """Count flow from the present state on: nothing has flowed on the path to it."""
         self.flowing = np.empty(0, np.int64)
         self.flow_start = (np.empty((0, 6)), np.empty((0, 6)))
-        self.way = Way()
+        self.energy_path = EnergyPath()
 
-    def take_back_flow(self) -> None:
+    def undo_flow(self) -> None:
         """Stress of failed rock as if it had not flowed since `commit`."""
         model, state = self.model, self.state
-        take_back_flow(
+        undo_flow(
             self.flowing,
             self.flow_start[1],
             model.particles.material,
@@ -146,7 +145,7 @@ class Body:
     def update(self, time_step: float, blocks: np.ndarray | None = None) -> None:
         """Advance stress by time_step of nodal velocity, and its forces; in chosen blocks of cells, or in all."""
         model, particles, state, scatter = self.model, self.model.particles, self.state, self.model.scatter
-        self.take_back_flow()
+        self.undo_flow()
         make_update(model.law, model.dimension)(
             scatter.blocks if blocks is None else blocks,
             scatter.block_start,
@@ -222,7 +221,7 @@ class Body:
         Where the boundary is held this is its motion; elsewhere a first guess, exact for a homogeneous specimen.
         """
         self.update(0.0)
-        self.way.strain(self)
+        self.energy_path.strain(self)
         position = self.model.node_position - self.model.grid.origin
         self.displace(np.sum(position[:, None, :] * strain, axis=2))
 
@@ -233,7 +232,7 @@ class Body:
         spread_to_hanging(self.hanging, self.model.grid.node_parents, self.state.displacement)
 
     def stop_drift(self) -> None:
-        """Remove them from the velocity: damping by component pushes a body along what nothing holds."""
+        """Remove free rigid motions from the velocity: damping by component pushes a body along what nothing holds."""
         if self.free.count:
             self.free.remove_from(self.state.velocity, self.model.node_position, self.mass)
 
@@ -247,7 +246,7 @@ class Body:
             )
 
     def drop_work_arrays(self) -> None:
-        """Nothing more is to be relaxed."""
+        """Free the work arrays; no relaxation follows."""
         self.slot_force = np.empty((0, self.model.dimension))
 
 

@@ -1,4 +1,4 @@
-"""Rock that may fail, what of it stands above its strength, and its brittle drop."""
+"""Rock that may fail, the part of it that is above its strength, and its brittle drop."""
 
 from dataclasses import dataclass
 
@@ -7,19 +7,20 @@ import numpy as np
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.energy_balance import dissipate, hourglass_energies
 from mpm_core.equilibrium.perturbation import strength_perturbation
-from mpm_core.kernels.failure import any_neighbor, make_drop, make_overstress_of, make_stands_above
+from mpm_core.kernels.failure import any_neighbor, make_drop, make_is_above_strength, make_overstress_of
 from mpm_core.model.model import Model
 from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 
 
 @dataclass(frozen=True)
 class Brittle:
-    """Which particles may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
+    """The particles that may fail: on their own stress (`sound`), or once a neighbouring cell has failed (`sliver`).
 
     present (particle,) bool: not mined; sound, sliver: particle indices; coarse: of those that could in finest cells;
-    borne (particle,) Pa: overstress without failure, in a member of an ensemble (perturbation.strength_perturbation). A
-    cut cell that is less than half rock fails only next to failed rock: the smaller its share, the more wrong is its
-    stress (next to Kirsch's hole from a quarter down). Kept elastic it would line the wall with steel for ever.
+    tolerated_overstress (particle,) Pa: overstress without failure, in a member of an ensemble
+    (perturbation.strength_perturbation). A cut cell that is less than half rock fails only next to failed rock: the
+    smaller its share, the more wrong is its stress (next to Kirsch's hole from a quarter down). If it stayed elastic,
+    it would support the wall for ever.
     """
 
     present: np.ndarray
@@ -28,7 +29,7 @@ class Brittle:
     coarse: np.ndarray
     neighbor_start: np.ndarray
     neighbors: np.ndarray
-    borne: np.ndarray | None
+    tolerated_overstress: np.ndarray | None
 
 
 def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, neighbors) -> Brittle:
@@ -39,51 +40,65 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
     may_fail = rock & small
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
-    borne = strength_perturbation(model) if model.scene.perturbation else None
-    return Brittle(volume > 0.0, sound, sliver, np.flatnonzero(rock & ~small), neighbor_start, neighbors, borne)
+    tolerated_overstress = strength_perturbation(model) if model.scene.perturbation else None
+    return Brittle(
+        volume > 0.0, sound, sliver, np.flatnonzero(rock & ~small), neighbor_start, neighbors, tolerated_overstress
+    )
 
 
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     """Intact particles that fail now, ascending."""
-    sound = above_strength(model, state, brittle.sound, brittle.borne)
+    sound = above_strength(model, state, brittle.sound, brittle.tolerated_overstress)
     broken = np.zeros(len(model.cell_nodes), bool)
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
     by_failed = np.empty(len(brittle.sliver), bool)
     any_neighbor(model.particles.cell[brittle.sliver], brittle.neighbor_start, brittle.neighbors, broken, by_failed)
-    sliver = above_strength(model, state, brittle.sliver[by_failed], brittle.borne)
+    sliver = above_strength(model, state, brittle.sliver[by_failed], brittle.tolerated_overstress)
     return np.sort(np.concatenate([sound, sliver]))
 
 
-def above_strength(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None = None) -> np.ndarray:
-    """Those of the candidates (particle indices) that are intact and stand above strength by more than the margin.
+def above_strength(
+    model: Model, state: State, candidates: np.ndarray, tolerated_overstress: np.ndarray | None = None
+) -> np.ndarray:
+    """Candidates (particle indices) that are intact and above strength by more than the margin.
 
-    borne: see Brittle.borne; without it strength is the rock's own, as in all that rates a state.
+    tolerated_overstress: see Brittle.tolerated_overstress; without it strength is the rock's own, as in all that rates
+    a state.
     """
     above = np.empty(len(candidates), bool)
-    borne = np.empty(0) if borne is None else borne
-    make_stands_above(model.law)(
-        candidates, state.failed, state.stress, model.insitu, model.particles.material, model.intact_rows, borne, above
+    tolerated_overstress = np.empty(0) if tolerated_overstress is None else tolerated_overstress
+    make_is_above_strength(model.law)(
+        candidates,
+        state.failed,
+        state.stress,
+        model.insitu,
+        model.particles.material,
+        model.intact_rows,
+        tolerated_overstress,
+        above,
     )
     return candidates[above]
 
 
 def weakest(
-    model: Model, state: State, candidates: np.ndarray, share: float, borne: np.ndarray | None = None
+    model: Model, state: State, candidates: np.ndarray, share: float, tolerated_overstress: np.ndarray | None = None
 ) -> np.ndarray:
-    """Those of the candidates (particle indices, above strength) with at least `share` of the largest overstress."""
+    """Candidates (particle indices, above strength) with at least `share` of the largest overstress."""
     if share == 0.0 or len(candidates) < 2:
         return candidates
-    excess = _overstress(model, state, candidates, borne)
+    excess = _overstress(model, state, candidates, tolerated_overstress)
     return candidates[excess >= share * excess.max()]
 
 
-def _overstress(model: Model, state: State, candidates: np.ndarray, borne: np.ndarray | None) -> np.ndarray:
-    """How far candidates (particle indices) stand above intact strength, Pa; at most 0 where they do not."""
+def _overstress(
+    model: Model, state: State, candidates: np.ndarray, tolerated_overstress: np.ndarray | None
+) -> np.ndarray:
+    """Overstress of candidates (particle indices) over intact strength, Pa; at most 0 where there is none."""
     excess = np.zeros(len(candidates))
     overstress_of = make_overstress_of(model.law)
     overstress_of(candidates, state.stress, model.insitu, model.particles.material, model.intact_rows, excess)
-    return excess if borne is None else excess - borne[candidates]
+    return excess if tolerated_overstress is None else excess - tolerated_overstress[candidates]
 
 
 def fail(body: Body, particles: np.ndarray, step: int, increment: int, generation: int) -> None:

@@ -23,10 +23,10 @@ import numpy as np
 from mpm_core.equilibrium.brittle import Brittle, fail, new_failures, weakest
 from mpm_core.equilibrium.convergence import MIN_UNBALANCED_SHARE, History, NoEquilibrium, norm
 from mpm_core.equilibrium.increments import Increments
-from mpm_core.equilibrium.scheme import Scheme, SchemeInParts
-from mpm_core.equilibrium.subdomain import Part
+from mpm_core.equilibrium.scheme import Scheme, SchemeWithSubdomains
+from mpm_core.equilibrium.subdomain import Subdomain
 from mpm_core.model.model import Model
-from mpm_core.model.state import MOTION, REFINED, UNBALANCED, State, keep
+from mpm_core.model.state import MOTION, REFINED, UNBALANCED, State, snapshot
 from mpm_core.settings import SolverSettings
 
 TOLERANCE_DIVISOR = 4.0  # In the last increment each tolerance is the one before, divided by this.
@@ -36,10 +36,10 @@ PLASTIC_TOLERANCE_FACTOR, MAX_PLASTIC_TOLERANCE = 50.0, 0.05
 
 @dataclass(frozen=True)
 class Ramp:
-    """What a stage changes, increment by increment.
+    """The load that a stage applies, increment by increment.
 
     start, target (node, d) N: the external force; strain (d, d): of the boundary, from 0 to this; reference N: what
-    unbalanced forces are measured by, what this stage adds (see external_forces.measure).
+    unbalanced forces are measured by, what this stage adds (see external_forces.reference_force).
     """
 
     start: np.ndarray
@@ -53,7 +53,7 @@ class Ramp:
 
     @property
     def is_constant(self) -> bool:
-        """Whether no increment changes the load: that of the first step, whose elastic history bears it already, and of
+        """True if no increment changes the load: that of the first step, whose elastic history bears it already, and of
         a step that mines, fills and loads nothing."""
         change = norm(self.target - self.start)
         return not self.strain.any() and change <= MIN_UNBALANCED_SHARE * self.reference
@@ -69,7 +69,7 @@ class Refining(Protocol):
     def flagged(
         self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, provisional: bool
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Flagged places (k, d), which need finer cells, of a part of the mine or the whole; and which of fresh
+        """Flagged places (k, d), which need finer cells, of a subdomain of the mine or the whole; and which of fresh
         particles (k,) may fail before. provisional: equilibrium is not reached to the final tolerance, so failure is
         checked again."""
 
@@ -87,31 +87,31 @@ class InStepSubdomain(Protocol):
     waits: bool
 
     def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
-        """Those of fresh particles (k,) that may fail in the subdomain."""
+        """Fresh particles (k,) that may fail in the subdomain."""
 
 
 def needs_whole_mine(solver: SolverSettings) -> bool:
-    """Whether each generation needs the whole mine: its last state in equilibrium, or its weakest rock."""
+    """True if each generation needs the whole mine: its last state in equilibrium, or its weakest rock."""
     return solver.collapse == "keep" or solver.weakest_first > 0.0
 
 
-def keep_equilibrium(scheme: Scheme, history: History) -> None:
-    """Keep the state as the last one in equilibrium."""
+def snapshot_equilibrium(scheme: Scheme, history: History) -> None:
+    """Save the state as the last one in equilibrium."""
     scheme.body.commit()
     body = scheme.body
-    history.last_equilibrium = keep(body.state, body.model.scene.solver.move, history.last_equilibrium)
+    history.last_equilibrium = snapshot(body.state, body.model.scene.solver.move, history.last_equilibrium)
 
 
-def next_failures(scheme: Scheme, brittle: Brittle, part: Part | InStepSubdomain | None = None) -> np.ndarray:
+def next_failures(scheme: Scheme, brittle: Brittle, part: Subdomain | InStepSubdomain | None = None) -> np.ndarray:
     """Rock above its strength in equilibrium, particles (k,), ascending; none if the cascade is at its end.
 
-    In a part of the mine rock near its border waits for the whole.
+    In a subdomain of the mine rock near its border waits for the whole.
     """
     model, state, solver = scheme.body.model, scheme.body.state, scheme.body.model.scene.solver
     fresh = new_failures(model, state, brittle)
     if part is not None:
         fresh = part.far_from_border(fresh)
-    return weakest(model, state, fresh, solver.weakest_first, brittle.borne)
+    return weakest(model, state, fresh, solver.weakest_first, brittle.tolerated_overstress)
 
 
 def let_fail(scheme: Scheme, fresh: np.ndarray, step: int, history: History) -> None:
@@ -121,7 +121,7 @@ def let_fail(scheme: Scheme, fresh: np.ndarray, step: int, history: History) -> 
         return
     solver = scheme.body.model.scene.solver
     if solver.collapse == "keep":
-        keep_equilibrium(scheme, history)
+        snapshot_equilibrium(scheme, history)
     if history.generation >= solver.max_generations:
         raise NoEquilibrium(
             f"the cascade of failure has not ended after {solver.max_generations} generations; raise "
@@ -132,7 +132,7 @@ def let_fail(scheme: Scheme, fresh: np.ndarray, step: int, history: History) -> 
     scheme.set_failed()
 
 
-def relax_and_fail(
+def run_generations(
     scheme: Scheme,
     brittle: Brittle,
     external: np.ndarray,
@@ -140,21 +140,21 @@ def relax_and_fail(
     reference: float,
     step: int,
     history: History,
-    part_of_mine: Part | InStepSubdomain | None = None,
+    part_of_mine: Subdomain | InStepSubdomain | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: Refining | None = None,
 ) -> np.ndarray:
     """Reach equilibrium, let fail what is then above its strength, and so on until nothing is.
 
-    From fresh failures on, failure spreads in the part of the mine around them, if that is small, and there in a part
-    of that part. It does not where the last state in equilibrium or the weakest rock of the whole is needed.
-    part_of_mine: the part that the scheme is for. Returns the flagged places (k, d), which need finer cells before any
-    more fails; none at its end.
+    Failure spreads from fresh failures in a subdomain of the mine around them, if that is small, and there in a
+    subdomain of that. It does not where the last state in equilibrium or the weakest rock of the whole is needed.
+    part_of_mine: the subdomain that the scheme is for. Returns the flagged places (k, d), which need finer cells before
+    any more fails; none at its end.
     """
     solver = scheme.body.model.scene.solver
-    in_parts = scheme if isinstance(scheme, SchemeInParts) and not needs_whole_mine(solver) else None
+    in_parts = scheme if isinstance(scheme, SchemeWithSubdomains) and not needs_whole_mine(solver) else None
     while True:
-        scheme.relax(external, tolerance, reference, history)
+        scheme.reach_equilibrium(external, tolerance, reference, history)
         fresh = next_failures(scheme, brittle, part_of_mine)
         if cells is not None:
             provisional = tolerance > solver.tolerance
@@ -164,26 +164,26 @@ def relax_and_fail(
         let_fail(scheme, fresh, step, history)
         if not len(fresh):
             return np.empty((0, scheme.body.model.dimension), int)
-        part = None if in_parts is None else in_parts.part_around(brittle, fresh)
+        part = None if in_parts is None else in_parts.subdomain_around(brittle, fresh)
         if in_parts is not None and part is not None:
             own = in_parts.scheme_of(part)
             share = len(part.cells) / len(scheme.body.model.cell_nodes)  # of what may be unbalanced
-            relax_and_fail(
+            run_generations(
                 own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part,
                 cells=cells,
             )  # fmt: skip
             own.body.commit()
-            in_parts.take_back(part)
+            in_parts.take_over(part)
             del part, own  # before the whole needs its memory again
         save(scheme.body.state, history)
 
 
-def reach_equilibrium(scheme: Scheme, external: np.ndarray, tolerance, reference: float, history: History) -> None:
+def balance_split_cells(scheme: Scheme, external: np.ndarray, tolerance, reference: float, history: History) -> None:
     """Reach equilibrium on cells that have just been split. The energy of that motion counts as that of the split."""
     energy = scheme.body.state.energy
     own = [MOTION, UNBALANCED]
     before = energy[own]
-    scheme.relax(external, tolerance, reference, history)
+    scheme.reach_equilibrium(external, tolerance, reference, history)
     scheme.body.commit()
     energy[REFINED] -= float(np.sum(energy[own] - before))
     energy[own] = before
@@ -206,7 +206,7 @@ def begin_increment(
 ) -> None:
     """Begin the next increment: apply its load and its strain of the boundary. Where increments are chosen, it reaches
     equilibrium before anything fails, and smaller ones are tried until one is accepted."""
-    before = keep(scheme.body.state) if increments.chosen else {}
+    before = snapshot(scheme.body.state) if increments.chosen else {}
     while True:
         increments.begin(history)
         if ramp.strain.any():
@@ -214,7 +214,7 @@ def begin_increment(
         if not increments.chosen:
             return
         try:
-            scheme.relax(ramp.at(history.load), tolerance, ramp.reference, history)
+            scheme.reach_equilibrium(ramp.at(history.load), tolerance, ramp.reference, history)
             if increments.accept(scheme.body, brittle, history):
                 return
         except NoEquilibrium:
@@ -255,7 +255,7 @@ def run_cascade(
         try:
             while True:
                 tolerance = share * max(loose / TOLERANCE_DIVISOR**history.tightened, solver.tolerance)
-                places = relax_and_fail(
+                places = run_generations(
                     scheme, brittle, external, tolerance, ramp.reference, step, history, step_subdomain, save, cells
                 )
                 if cells is not None and len(places):
@@ -268,8 +268,8 @@ def run_cascade(
                         history.splits += 1
                         external = ramp.at(history.load)
                         if history.last_equilibrium:  # the state to go back to has these cells, too
-                            keep_equilibrium(scheme, history)
-                        reach_equilibrium(scheme, external, tolerance, ramp.reference, history)
+                            snapshot_equilibrium(scheme, history)
+                        balance_split_cells(scheme, external, tolerance, ramp.reference, history)
                     continue
                 if not last or step_subdomain or tolerance == solver.tolerance:
                     break
@@ -280,11 +280,11 @@ def run_cascade(
             scheme.go_back(history.last_equilibrium)
             if history.generation == 0:  # nothing failed since the increment before
                 history.increment, external = history.increment - 1, ramp.at(history.load_before)
-            scheme.relax(external, loose, ramp.reference, history)  # in equilibrium: this notes it
+            scheme.reach_equilibrium(external, loose, ramp.reference, history)  # in equilibrium: this notes it
             return scheme, True
         scheme.body.commit()
         if step_subdomain and step_subdomain.waits:
             break
         if history.last_equilibrium:
-            keep_equilibrium(scheme, history)
+            snapshot_equilibrium(scheme, history)
     return scheme, False

@@ -1,4 +1,4 @@
-"""When equilibrium is reached, and the table of how it went."""
+"""The convergence table of a stage, and the error where equilibrium is not reached."""
 
 import logging
 import time

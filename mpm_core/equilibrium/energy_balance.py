@@ -1,12 +1,12 @@
-"""Where the energy of a stage goes: a balance whose every term is counted by itself.
+"""The energy balance of a stage. Each of its terms is counted by itself.
 
 Rock that stays in the stage has particles of volume V, full stress s = s' + s0 (s': change since virgin, s0: virgin),
-and nodes that move by du. Equilibrium is r = F - sum B^T s' V - H = 0 (H: hourglass forces), with forces F that rest
-while an increment relaxes. With G = sum B^T s0 V, weight and in-situ stress at the boundary, work is done by F + G.
+and nodes that move by du. Equilibrium is r = F - sum B^T s' V - H = 0 (H: hourglass forces), with forces F that are
+constant within an increment. With G = sum B^T s0 V, weight and in-situ stress at the boundary, work is done by F + G.
 
-A way is straight, from one committed state a to the next, b. Along it strain is elastic but for the flow p of failed
+A path is straight, from one committed state a to the next, b. Along it strain is elastic but for the flow p of failed
 rock, whose path integral of stress : dp is d (kernels.energy). As stress and force are linear in strain and
-motion but for that, on every way
+motion but for that, on every path
 
     (F + G) . du = [sum V s : C^-1 : s / 2] + [q^2 / 2 k] + sum V d + M + R
     work         = stored                   + hourglass   + flow      + motion + unbalanced
@@ -19,7 +19,7 @@ of failure that is solver.cascade_tolerance, and R the error of motion by it. So
 
 An excavation whose support is ramped down in n increments sets 1 / n in motion of what it does at once (Salamon 1984,
 J. South. Afr. Inst. Min. Metall. 84, 233). A boundary that is strained moves slowly: the mean of its forces at both
-ends times its motion is work, and what flow adds to that on the way is work of the boundary, not motion.
+ends times its motion is work, and what flow adds to that on the path is work of the boundary, not motion.
 
 Neither flow nor a drop is ever negative unless rock dilates above its friction: that is counted as gained, by itself.
 
@@ -28,7 +28,7 @@ more points. That is no work of anything, and counted by itself.
 
 Failure happens in equilibrium. What stress loses at fixed strain is dissipated, (s_trial + s_peak) / 2 : overshoot
 strain and (s_peak + s_residual) / 2 : seismic strain; the hourglass energy of its cell is lost. That nodes are out of
-balance then is the next way's r_a. Rock that is mined takes its energy with it; it is no part of these volumes, but of
+balance then is the next path's r_a. Rock that is mined takes its energy with it; it is no part of these volumes, but of
 Salamon's energy released.
 """
 
@@ -72,7 +72,7 @@ MIN_ENERGY_SHARE = 1e-12  # Energies below this share of the rock's elastic ener
 
 
 class Counted(Protocol):
-    """What the account reads of a body (body.Body), which itself keeps one of its way."""
+    """The attributes of a body (body.Body) that the energy balance reads."""
 
     model: Model
     state: State
@@ -94,8 +94,8 @@ def virgin_work(body: Counted, moved: np.ndarray) -> float:
     )  # fmt: skip
 
 
-class Way:
-    """The way from the last committed state on: what forces have done on it is counted when it ends."""
+class EnergyPath:
+    """The path from the last committed state on. The work of forces on it is counted when it ends."""
 
     external: np.ndarray | None
     residual: np.ndarray | None
@@ -106,16 +106,16 @@ class Way:
         self.reset()
 
     def reset(self) -> None:
-        """Nothing is under way."""
+        """Forget the path: nothing is under way."""
         self.external = self.residual = self.start = self.carried = None
 
     def strain(self, body: Counted) -> None:
-        """Before the boundary moves: nodes carry their present forces until the way begins."""
+        """Note, before the boundary moves, that nodes carry their present forces until the path begins."""
         if self.start is None:
             self.start, self.carried = body.state.displacement.copy(), nodal_forces(body)
 
     def begin(self, body: Counted, external: np.ndarray) -> None:
-        """External forces (node, d) N act from now on, nothing has moved yet; a way that has begun goes on."""
+        """External forces (node, d) N act from now on, nothing has moved yet; a path that has begun goes on."""
         if self.external is not None:
             return
         self.external = external
@@ -126,7 +126,7 @@ class Way:
             self.residual[:] = np.where(body.model.held, 0.0, external + self.carried)
 
     def end(self, body: Counted, beyond: float, in_equilibrium: bool = True) -> None:
-        """Count what was done. beyond J: how much more flow dissipates on the way than at its mean stress;
+        """Count the work that was done. beyond J: how much more flow dissipates on the path than at its mean stress;
         in_equilibrium: what is unbalanced now (body.unbalanced) counts as none."""
         if self.external is None:
             return
@@ -164,7 +164,7 @@ def dissipate(state: State, entry: int, energy: np.ndarray) -> None:
 
 
 def count_flow(body: Counted) -> float:
-    """Count what has flowed as dissipated; how much more that is than at the mean stress of the way, J."""
+    """Count what has flowed as dissipated; how much more that is than at the mean stress of the path, J."""
     model, state = body.model, body.state
     energy = np.empty((len(body.flowing), 2))
     make_flow_energy(model.law)(
@@ -184,14 +184,14 @@ def hourglass_energies(force: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
 
 
 def elastic_energy(model: Model, state: State, volume: np.ndarray) -> float:
-    """Of the full stress, J (per m in 2-D)."""
+    """Elastic energy of the full stress, J (per m in 2-D)."""
     particles = model.particles
     return stored_energy(state.stress, model.insitu, volume, particles.material, model.elastic_constants)
 
 
 @dataclass
 class Balance:
-    """What a stage begins with, J (per m in 2-D): energy of the rock that stays, and of what is mined at its start."""
+    """Energies at the start of a stage, J (per m in 2-D): of the rock that stays, and of what is mined."""
 
     stored: float
     hourglass: float

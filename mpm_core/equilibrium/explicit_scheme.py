@@ -37,11 +37,11 @@ class ExplicitScheme:
         """Take over which particles have failed."""
         self.body.set_failed()
 
-    def go_back(self, kept: dict[str, np.ndarray]) -> None:
-        """Return to a committed state kept earlier (state.keep)."""
-        self.body.go_back(kept)
+    def go_back(self, snapshot: dict[str, np.ndarray]) -> None:
+        """Return to a committed state kept earlier (state.snapshot)."""
+        self.body.go_back(snapshot)
 
-    def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+    def reach_equilibrium(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Step until the 2-norm of the unbalanced force at free nodes is at most tolerance * reference (N).
 
         Raises as step_to_equilibrium.
@@ -49,7 +49,7 @@ class ExplicitScheme:
         step_to_equilibrium(self.body, external, tolerance, reference, history)
 
     def drop_work_arrays(self) -> None:
-        """Nothing more is to be relaxed."""
+        """Free the work arrays; no relaxation follows."""
         self.body.drop_work_arrays()
 
 
@@ -72,7 +72,7 @@ def step_to_equilibrium(body: Body, external: np.ndarray, tolerance: float, refe
     for iteration in range(solver.max_iterations + 1):
         if iteration % ITERATIONS_PER_CHECK == 0:
             body.advance(external, 0.0)
-            body.way.begin(body, external)
+            body.energy_path.begin(body, external)
             ratio, largest = (size / reference for size in sizes(body.unbalanced))
             history.check(ratio, largest)
             if ratio <= tolerance:
@@ -81,7 +81,7 @@ def step_to_equilibrium(body: Body, external: np.ndarray, tolerance: float, refe
             body.check_reach(ratio)
             if iteration > 0 and iteration % ITERATIONS_PER_FLOW_COUNT == 0:
                 body.commit(in_equilibrium=False)
-                body.way.begin(body, external)
+                body.energy_path.begin(body, external)
         take_time_step(body, external)
         history.iteration += 1
         if history.bar is not None:

@@ -60,12 +60,12 @@ class Increments:
             history.load = (history.increment + self.delay[history.increment]) / self.count
 
     def accept(self, body: Body, brittle: Brittle, history: History) -> bool:
-        """Whether a chosen increment is accepted, in equilibrium under its load and before anything fails. Otherwise it
+        """True if a chosen increment is accepted, in equilibrium under its load and before anything fails. Otherwise it
         is undone in the history, and the next one is smaller."""
         return self.follow(overshoot_of_next(body, brittle) / self.scene.solver.max_overshoot, history)
 
     def follow(self, ratio: float, history: History) -> bool:
-        """As `accept`, for an increment whose error is `ratio` times the largest accepted one."""
+        """Do as `accept` for an increment whose error is `ratio` times the largest accepted one."""
         return self._resize(
             np.clip(SIZE_SAFETY / ratio, MIN_SIZE_FACTOR, MAX_SIZE_FACTOR) if ratio > 0.0 else MAX_SIZE_FACTOR,
             ratio <= 1.0,
@@ -73,7 +73,7 @@ class Increments:
         )
 
     def shrink(self, history: History) -> bool:
-        """As `accept`, for an increment that has not reached equilibrium."""
+        """Do as `accept` for an increment that has not reached equilibrium."""
         return self._resize(MIN_SIZE_FACTOR, False, history)
 
     def _resize(self, factor: float, accepted: bool, history: History) -> bool:
@@ -96,7 +96,7 @@ def overshoot_of_next(body: Body, brittle: Brittle) -> float:
     """Overshoot over seismic potency of the rock that would fail now, and of what would in finer cells; 0 for none.
     Nothing is changed."""
     model, state = body.model, body.state
-    coarse = above_strength(model, state, brittle.coarse, brittle.borne)
+    coarse = above_strength(model, state, brittle.coarse, brittle.tolerated_overstress)
     fresh = np.concatenate([new_failures(model, state, brittle), coarse])
     overshoot, seismic = np.zeros((2, len(fresh), 6))
     make_drop(model.law)(
@@ -114,7 +114,7 @@ def overshoot_share(state: State, volume: np.ndarray, step: int) -> float:
 
 
 def _share_of_drop(overshoot: np.ndarray, seismic: np.ndarray, volume: np.ndarray) -> float:
-    """Of strains (k, 6) in volumes (k,) m3."""
+    """Overshoot over seismic potency, of strains (k, 6) in volumes (k,) m3."""
     seismic_potency = potency(seismic, volume)
     total = seismic_potency.sum()
     return float(np.minimum(potency(overshoot, volume), seismic_potency).sum() / total) if total > 0.0 else 0.0

@@ -148,7 +148,7 @@ class MovingBody(Body):
     def commit(self, in_equilibrium: bool = True) -> None:
         """Count what particles that move have dissipated: they flow as they go, in every step. No work of forces is
         counted, in equilibrium or not: nodes are new in each."""
-        self.way.reset()
+        self.energy_path.reset()
         dissipate(self.state, FLOW, self.dissipated * self.volume)
         self.dissipated[:] = 0.0
 

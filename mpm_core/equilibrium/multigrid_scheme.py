@@ -23,7 +23,7 @@ from mpm_core.equilibrium.brittle import Brittle
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit_scheme import step_to_equilibrium
 from mpm_core.equilibrium.scheme import Excerpt
-from mpm_core.equilibrium.subdomain import Cubes, Part, cut_out
+from mpm_core.equilibrium.subdomain import Cubes, Subdomain, cut_out
 from mpm_core.kernels.nodal_operations import sizes
 from mpm_core.kernels.operator_rows import balance, take_step
 from mpm_core.kernels.threads import threads_for
@@ -84,7 +84,7 @@ class MultigridScheme:
         fresh = body.flowing[~before[body.flowing]]
         self.stale[self.model.scatter.blocks_of(self.model.particles.cell[fresh])] = True
         if self.flow is not None:
-            self.flow.take_in(fresh)
+            self.flow.add_particles(fresh)
 
     def _set_stiffness(self) -> None:
         """Give the solver the stiffness of all cells, its operator the hourglass stiffness of failed rock."""
@@ -106,40 +106,40 @@ class MultigridScheme:
             self.solver.operator.set_patterns(constants[self.model.particles.distorted.cell])
         self.softened = failed
 
-    def go_back(self, kept: dict[str, np.ndarray]) -> None:
-        """Return to a committed state kept earlier (state.keep)."""
-        self.body.go_back(kept)
+    def go_back(self, snapshot: dict[str, np.ndarray]) -> None:
+        """Return to a committed state kept earlier (state.snapshot)."""
+        self.body.go_back(snapshot)
         self.stale[:], self.flow = True, None
 
-    def part_around(self, brittle: Brittle, fresh: np.ndarray) -> Part | None:
-        """The part around rock that has just failed; None where that is too much of the mine."""
+    def subdomain_around(self, brittle: Brittle, fresh: np.ndarray) -> Subdomain | None:
+        """The subdomain around rock that has just failed; None where that is too much of the mine."""
         grid = self.model.grid
         if self.cubes is None:
             self.cubes = Cubes(grid)
         around = self.cubes.around(grid.cell_index[self.model.particles.cell[fresh]])
         return None if around is None else cut_out(self.model, self.state, self.body.volume, brittle, around, fresh)
 
-    def scheme_of(self, part: Part) -> "MultigridScheme":
-        """The scheme that brings a part to equilibrium."""
+    def scheme_of(self, part: Subdomain) -> "MultigridScheme":
+        """The scheme that brings a subdomain to equilibrium."""
         scheme = MultigridScheme(part.model, part.state, part.volume)
         scheme.body.start = self.body.start[part.nodes]
         return scheme
 
-    def take_back(self, part: Excerpt) -> None:
-        """Take over what has happened in a part, which is in equilibrium and committed."""
-        part.give_back(self.state)
+    def take_over(self, part: Excerpt) -> None:
+        """Take over the result of a subdomain, which is in equilibrium and committed."""
+        part.write_back(self.state)
         self.stale[self.model.scatter.blocks_of(part.cells)] = True
         self.body.restart_flow_count()
         self.set_failed()
 
     def drop_work_arrays(self) -> None:
-        """Nothing more is to be relaxed."""
+        """Free the work arrays; no relaxation follows."""
         self.body.drop_work_arrays()
         self.anderson = self.flow = self.cubes = None
         self.solver = None  # type: ignore[assignment]  # nothing needs it any more
         self.rows = []
 
-    def relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+    def reach_equilibrium(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         """Bring the 2-norm of the unbalanced force at free nodes to at most tolerance * reference (N).
 
         Where that does not converge, the steps of scheme `explicit` go on from there, and the log says so. Raises
@@ -148,15 +148,15 @@ class MultigridScheme:
         reference = reference or 1.0  # nothing was mined: any force at all counts
         history.cells = len(self.model.cell_nodes)
         with threads_for(history.cells):
-            self._relax(external, tolerance, reference, history)
+            self._reach_equilibrium(external, tolerance, reference, history)
 
-    def _relax(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
+    def _reach_equilibrium(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
         self._set_stiffness()
         if self.stale.any():
             self.body.update(0.0, np.flatnonzero(self.stale))
         self.stale[:] = False
         ratio = self._look(external, reference, history)
-        self.body.way.begin(self.body, external)
+        self.body.energy_path.begin(self.body, external)
         if ratio > tolerance:
             before = history.iteration
             approach = self._flow if len(self.body.flowing) else self._solve
@@ -209,7 +209,7 @@ class MultigridScheme:
         """Displacement (element,) to where residuals are at most tolerance * reference; None where it is not found."""
         solver, free = self.solver, self.solver.finest.inverse_diagonal
         flow = self._flow_forces()
-        flow.begin(self.state, self.body.take_back_flow)
+        flow.begin(self.state, self.body.undo_flow)
         displacement, step, force, residual, elastic = self._row_arrays()
         displacement[:], force[:], step[:] = 0.0, 0.0, 0.0
         solver.to_rows(self.body.unbalanced, elastic)
@@ -267,10 +267,10 @@ class MultigridScheme:
         return size, largest
 
     def _flow_forces(self) -> FlowForces:
-        """Of the rock that has failed by now."""
+        """Flow forces of the rock that has failed by now."""
         if self.flow is None:
             self.flow = FlowForces(self.model, self.solver.finest.siblings, self.body.volume)
-            self.flow.take_in(self.body.flowing)
+            self.flow.add_particles(self.body.flowing)
         return self.flow
 
     def _row_arrays(self) -> list[np.ndarray]:
@@ -293,7 +293,7 @@ class MultigridScheme:
             history.bar.update()
 
     def _look(self, external: np.ndarray, reference: float, history: History) -> float:
-        """Unbalanced force at free nodes, noted in the history."""
+        """Unbalanced force at free nodes over the reference; it is noted in the history."""
         self.body.advance(external, 0.0)
         ratio, largest = (size / reference for size in sizes(self.body.unbalanced))
         history.check(ratio, largest)

@@ -18,7 +18,8 @@ MAX_INCREMENT_DELAY = 0.5  # Largest delay of an increment's end as a share of t
 
 
 def strength_perturbation(model: Model) -> np.ndarray:
-    """Overstress that each particle bears in this member before it fails, besides the margin: (particle,) Pa; else 0.
+    """Overstress that each particle tolerates in this member before it fails, besides the margin: (particle,) Pa; else
+    0.
 
     Uniform between 0 and MAX_STRENGTH_PERTURBATION of intact cohesion: never less than in the mine's own run, so virgin
     rock stands. The number is a hash of member and place: the same on whatever grid the particle is found. The place of
@@ -52,7 +53,7 @@ def uniform_at(places: np.ndarray, seed: int) -> np.ndarray:
 
 
 def delays(scene: Scene, step: int, increments: int) -> np.ndarray:
-    """By what share of an increment each of them ends late in this member, (increments + 1,); else 0.
+    """Delay of each increment's end in this member, as a share of the increment, (increments + 1,); else 0.
 
     Uniform between -1/2 and 1/2, but 0 where the step starts and ends: all that it changes is changed in the end.
     """
@@ -64,7 +65,7 @@ def delays(scene: Scene, step: int, increments: int) -> np.ndarray:
 
 
 def pace(scene: Scene, step: int, increment: int) -> float:
-    """How large an increment that follows its error is in this member, over what it would be; 3/4 to 5/4, else 1."""
+    """Factor on an increment that follows its error in this member, 3/4 to 5/4; else 1."""
     if not scene.perturbation:
         return 1.0
     random = np.random.default_rng([scene.perturbation, 1 + step, increment])

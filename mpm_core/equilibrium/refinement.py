@@ -1,4 +1,4 @@
-"""Which cells are too coarse for what happens in them: where rock is near its strength, and next to rock that fails.
+"""Cells that are too coarse for what happens in them: where rock is near its strength, and next to rock that fails.
 
 Rock in coarse cells is elastic by definition, so one can be split at any time: its displacement is known everywhere in
 it, and stress follows from that. Rock is near its strength if it would break were its stress changed by mining more
@@ -31,9 +31,10 @@ CANDIDATES_AT_ONCE = 1 << 15  # Stresses of so many particles are copied at once
 
 
 @dataclass(frozen=True)
-class Refinement:
-    """What is split so far: codes (k,) of cells of the last level but one, ascending, and how many there are along each
-    axis (d,); present (base cells along each axis) bool: what the grid has; halvings from these to those cells."""
+class RefinedCells:
+    """The cells that are split so far: codes (k,) of cells of the last level but one, ascending, and how many there are
+    along each axis (d,); present (base cells along each axis) bool: what the grid has; halvings from these to those
+    cells."""
 
     codes: np.ndarray
     shape: np.ndarray
@@ -41,8 +42,8 @@ class Refinement:
     halvings: int
 
     @classmethod
-    def of(cls, grid: MultiLevelGrid) -> "Refinement":
-        """Of a grid."""
+    def of(cls, grid: MultiLevelGrid) -> "RefinedCells":
+        """The refined cells of a grid."""
         return cls(family_codes(grid), grid.shape >> 1, grid.present, max(grid.levels - 2, 0))
 
     def flagged(
@@ -70,7 +71,7 @@ class Refinement:
         return flagged, fresh[:0] if at_once else fresh[~exposed]
 
     def _missing(self, places: np.ndarray) -> np.ndarray:
-        """Those of the places (k, d) that are not split, of a subdomain its own."""
+        """Places (k, d) among these that are not split; of a subdomain, only its own."""
         if not self.present.all():
             places = places[self.present[tuple((places >> self.halvings).T)]]
         if not len(self.codes) or not len(places):

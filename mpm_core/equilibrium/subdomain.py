@@ -1,9 +1,9 @@
-"""A part of the mine on its own: the cells around rock that has just failed, held still at their border.
+"""A subdomain of the mine: the cells around rock that has just failed, held still at their border.
 
-A failure of one cell of a million is felt a few cells away. Where it spreads from there is found in the part alone; the
-whole mine reaches equilibrium afterwards, with the part's border free again. What then fails, fails in the next part.
-So the part says only in which order rock fails, not where the mine is in equilibrium: that is always checked on the
-whole. Rock so near the border that its failure would feel it waits for the whole.
+A failure of one cell of a million is felt a few cells away. Where it spreads from there is found in the subdomain
+alone; the whole mine reaches equilibrium afterwards, with the subdomain's border free again. What then fails, fails in
+the next subdomain. So the subdomain determines only in which order rock fails, not where the mine is in equilibrium:
+that is always checked on the whole. Rock so near the border that its failure would feel it waits for the whole.
 
 The border is so far away that it may be held still. What a failed patch of half-width a changes decays as (a /
 distance)^d in d dimensions. A border at distance R from its middle, held still, carries (a / R)^d of it: the nearer the
@@ -23,7 +23,7 @@ from mpm_core.kernels.nodal_operations import mark_nodes
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Changes
 from mpm_core.model.particles import Particles
-from mpm_core.model.state import State, copy_from_part, copy_to_part
+from mpm_core.model.state import State, copy_from_subdomain, copy_to_subdomain
 
 CUBE_HALVINGS = {2: 2, 3: 1}
 """By dimension, a subdomain consists of cubes whose edge is a finest cell's, doubled this many times, and of larger
@@ -36,7 +36,7 @@ MAX_SURROUNDINGS_CELLS = 300_000  # Largest number of cells in the subdomain aro
 
 
 class Cubes:
-    """Which cells lie in, or hold, each cube of a box around a grid; where the domain goes on, the box has a margin.
+    """The cells that lie in, or hold, each cube of a box around a grid; where the domain goes on, the box has a margin.
 
     lower (d,): the box's first cube; present (cubes along each axis) bool: those of the grid; reaches: see REACH_CELLS;
     levels: for cells of a cube's size and smaller, then for those of each larger size, their indices and (flat) in
@@ -124,12 +124,12 @@ class Surroundings:
     cells: np.ndarray
 
     def reach_beyond(self, places: np.ndarray, cubes: int) -> np.ndarray:
-        """(k,) bool: whether they end within so many cubes of places (k, d), fine units, that lie in them."""
+        """(k,) bool: True where they end within so many cubes of places (k, d), fine units, that lie in them."""
         inner = scipy.ndimage.minimum_filter(self.near, 2 * cubes + 1, mode="constant", cval=1)
         return ~inner[tuple(((places >> self.cubes.halvings) - self.cubes.lower).T)]
 
     def are_wide(self, failed: np.ndarray) -> np.ndarray:
-        """(k,) bool: whether a border held still carries at most the share MAX_BORDER_SHARE of what each one's patch
+        """(k,) bool: True where a border held still carries at most the share MAX_BORDER_SHARE of what each one's patch
         changes.
 
         failed (k, d): cell_index of finest cells, all of them in these.
@@ -149,8 +149,8 @@ def _within(place: np.ndarray, reach: int) -> tuple[slice, ...]:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A part's own model, state (copies), volumes and rock that may fail, and where they stand in the whole mine.
+class Subdomain:
+    """A subdomain's own model, state (copies), volumes and rock that may fail, and its place in the whole mine.
 
     cells (cell,), nodes (node,), particles (particle,): indices in the whole, ascending; volume (particle,) m3;
     failed_before (particle,) bool: whether rock had failed before the failures that it is cut out for.
@@ -167,20 +167,20 @@ class Part:
     failed_before: np.ndarray
 
     def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
-        """Those of its particles (k,) whose failure, with all since it was cut out, leaves its border far enough."""
+        """Particles (k,) among these whose failure, with all since it was cut out, leaves its border far enough."""
         failed = np.flatnonzero((self.state.failed >= 0) & ~self.failed_before)
         cells = self.model.particles.cell[np.concatenate([fresh, failed])]
         return fresh[self.surroundings.are_wide(self.model.grid.cell_index[cells])[: len(fresh)]]
 
-    def give_back(self, state: State) -> None:
+    def write_back(self, state: State) -> None:
         """Write what has changed into the state of the whole mine."""
-        copy_from_part(self.state, state, {"particle": self.particles, "node": self.nodes, "cell": self.cells})
+        copy_from_subdomain(self.state, state, {"particle": self.particles, "node": self.nodes, "cell": self.cells})
 
 
 def cut_out(
     model: Model, state: State, volume: np.ndarray, brittle: Brittle, around: Surroundings, fresh: np.ndarray
-) -> Part:
-    """The part that the cells around failures are; fresh (k,): those particles."""
+) -> Subdomain:
+    """The subdomain of the cells around failures; fresh (k,): those particles."""
     cells = around.cells
     chosen = np.zeros(len(model.cell_nodes), bool)
     chosen[cells] = True
@@ -206,11 +206,11 @@ def cut_out(
     known = model.hourglass_patterns[chosen[model.particles.distorted.cell]]
     vars(part)["hourglass_patterns"] = known  # else found anew for each part
     own = part.virgin_state()
-    copy_to_part(state, own, {"particle": indices, "node": nodes, "cell": cells})
+    copy_to_subdomain(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0
     failed_before[np.searchsorted(indices, fresh)] = False
     logging.info("in a part of %d cells", len(cells))
-    return Part(
+    return Subdomain(
         part,
         own,
         volume[indices],
@@ -282,7 +282,8 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
 
 
 def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, number: np.ndarray) -> Brittle:
-    """Of the particles `indices` and the cells `cells`; number (cell,) of a cell in the part, -1 outside."""
+    """The brittle rock of the particles `indices` and the cells `cells`; number (cell,) of a cell in the part, -1
+    outside."""
     place = _numbers(indices, len(brittle.present))
     sound, sliver, coarse = (
         place[kind][place[kind] >= 0].astype(np.int64) for kind in (brittle.sound, brittle.sliver, brittle.coarse)
@@ -299,5 +300,5 @@ def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, numb
         coarse=coarse,
         neighbor_start=inside[link_start],
         neighbors=neighbors[neighbors >= 0],
-        borne=None if brittle.borne is None else brittle.borne[indices],
+        tolerated_overstress=None if brittle.tolerated_overstress is None else brittle.tolerated_overstress[indices],
     )

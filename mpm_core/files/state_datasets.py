@@ -220,7 +220,7 @@ def read_origin(dataset: xr.Dataset) -> tuple[np.ndarray, float]:
 
 
 def read_pieces(dataset: xr.Dataset) -> FinestPieces:
-    """What excavations remove of finest cells, from the dataset of grid.nc."""
+    """The parts of finest cells that excavations remove, from the dataset of grid.nc."""
     return FinestPieces(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
 
 
@@ -297,7 +297,7 @@ def state_dataset(
 
 
 def read_unsupported(dataset: xr.Dataset) -> Unsupported:
-    """What has lost its support until the end of a stage, from its dataset."""
+    """Rock and fill that have lost their support until the end of a stage, from its dataset."""
     return Unsupported(**{name: dataset[f"loose_{name}"].values for name in vars(Unsupported.none())})
 
 

@@ -1,4 +1,4 @@
-"""Which cells the facets of a solid pass through (numba, plain arrays; lengths in cells from the grid's origin).
+"""The cells that the facets of a solid pass through (numba, plain arrays; lengths in cells from the grid's origin).
 
 Cell i covers i .. i + 1 per axis. A facet crosses a cell if it meets the open cell: one that lies in a face does not,
 so that a box aligned with the grid crosses nothing. Open means shrunk by CROSSING_TOLERANCE on each side.
@@ -16,8 +16,8 @@ MIN_FACET_SHAPE = 1e-9
 
 
 def in_box(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Whether each point (point, dimension) lies between the corners (dimension,) of a box, sides included: (point,)
-    bool."""
+    """(point,) bool: True where a point (point, dimension) lies between the corners (dimension,) of a box, or on a
+    side."""
     inside = np.ones(len(points), bool)
     for along, first, last in zip(points.T, lower, upper, strict=True):
         inside &= along >= first
@@ -32,7 +32,7 @@ def box_around(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @njit(cache=True, error_model="numpy")
 def _separated(x, y, z, a, b, c, half):
-    """Whether the axis (x, y, z) separates triangle a, b, c from the cube of half side `half` round the origin."""
+    """True if the axis (x, y, z) separates triangle a, b, c from the cube of half side `half` round the origin."""
     reach = half * (abs(x) + abs(y) + abs(z))
     pa = x * a[0] + y * a[1] + z * a[2]
     pb = x * b[0] + y * b[1] + z * b[2]
@@ -42,7 +42,7 @@ def _separated(x, y, z, a, b, c, half):
 
 @njit(cache=True, error_model="numpy")
 def overlaps_cube(a, b, c, normal, has_plane, half):
-    """Whether triangle a, b, c (tuples, from the cube's centre) meets the cube: separating axes (Akenine-Moller 2001).
+    """True if triangle a, b, c (tuples, from the cube's centre) meets the cube: separating axes (Akenine-Moller 2001).
 
     Thirteen axes: the cube's three, the triangle's normal (only if `has_plane`), nine cross products of edges.
     """
@@ -176,7 +176,7 @@ def mark_cells(index, lower, upper, keys, crossed, undecided):
 
 
 def cross_cells(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which cells a surface crosses, and which it does not though they lie in its bounding box: (cell,) bool each.
+    """The cells that a surface crosses, and those in its bounding box that it does not: (cell,) bool each.
 
     corners (facet, corner, dimension) float64, in cells from the grid's origin; index (cell, dimension) int32.
     """

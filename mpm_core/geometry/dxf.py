@@ -87,7 +87,8 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
 
 
 def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidden: dict[str, str]) -> dict[str, Part]:
-    """What is on layers less what is on hidden ones, unless `layer` names one or there is no other; both are said."""
+    """The entities on layers less those on hidden ones, unless `layer` names one or there is no other; both are
+    said."""
     chosen = [name for name in parts if name == layer] or list(parts)
     here = {name: hidden[name] for name in chosen if name in hidden and fnmatchcase(name, layer or ALL_NAMES)}
     if not here:
@@ -139,7 +140,7 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
 
 
 def _is_closed(polyline: LWPolyline | Polyline) -> bool:
-    """By its flag, or because it ends where it starts."""
+    """True for a polyline that is closed by its flag, or that ends where it starts."""
     if polyline.is_closed:
         return True
     points = list(polyline.vertices() if isinstance(polyline, LWPolyline) else polyline.points())
@@ -187,7 +188,8 @@ def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, 
 
 
 def _unfolded(drawing: Drawing, layout, known: dict[str, int]) -> int:
-    """How many entities the inserts of a layout or block unfold to. Raises InputError for a block within itself."""
+    """Number of entities that the inserts of a layout or block unfold to. Raises InputError for a block within
+    itself."""
     total = 0
     for insert in layout.query("INSERT"):
         name = insert.dxf.name

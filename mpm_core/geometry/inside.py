@@ -26,7 +26,7 @@ MAX_TREE_POINTS = 1 << 21  # Points handed to the tree at once.
 
 
 def contains(solid: Solid | Outside, points: np.ndarray) -> np.ndarray:
-    """Whether each point (point, dimension) m lies inside the solid: (point,) bool. On the surface it may be either.
+    """(point,) bool: True where a point (point, dimension) m lies inside the solid. On the surface it may be either.
 
     Exact up to MAX_EXACT_FACETS facets and in 2-D; beyond, in 3-D, W by libigl's tree (Barill et al. 2018) is good to
     0.5 % and coordinates to 1e-7 of the solid's size. Deterministic, whatever the number of threads.
@@ -55,7 +55,7 @@ def _contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def classify_cells(solid: Solid | Outside, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
-    """Where each cell lies: OUTSIDE (0), CROSSED (1) by the surface, INSIDE (2), as (cell,) int8.
+    """Position of each cell: OUTSIDE (0), CROSSED (1) by the surface, INSIDE (2), as (cell,) int8.
 
     Cell n covers origin + index[n] * cell_size to one cell_size more. origin (dimension,) m; cell_size m; index (cell,
     dimension) int32. A facet within 1e-6 of a cell from a cell's face lies in that face and crosses neither neighbour.
@@ -75,7 +75,7 @@ def classify_cells(solid: Solid | Outside, origin: np.ndarray, cell_size: float,
 
 
 def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, index: np.ndarray) -> np.ndarray:
-    """Which of 64 points of each cell lie inside, one bit each, as (cell,) uint64. Arguments as in classify_cells.
+    """The points of each cell, of 64, that lie inside, one bit each, as (cell,) uint64. Arguments as in classify_cells.
 
     One point in each of 4 x 4 x 4 sub-cells, bit i + 4 j + 16 k; in 2-D in each of 8 x 8, bit i + 8 j (i along the
     first axis). popcount(mask) / 64 is the share of the cell inside; `a & ~b` takes solid b out of solid a. A share is

@@ -1,4 +1,4 @@
-"""Which way the triangles of a file look. Those of one surface are made to agree, where it says what it means.
+"""The orientation of a file's triangles. Those of one surface are made to agree, where it says what it means.
 
 Neighbours over an edge that two triangles share agree if they pass it opposite ways. Where some do not, each patch of
 such neighbours is turned to agree (libigl), the way that most of its area looks in the file. A surface that agrees

@@ -35,7 +35,7 @@ def check_simple(line: np.ndarray) -> None:
 
 
 def is_convex(line: np.ndarray) -> bool:
-    """Whether a closed line (point, 2) m turns one way all along, and once around: as nearly all that are drawn."""
+    """True if a closed line (point, 2) m turns one way all along, and once around: as nearly all that are drawn."""
     edge = np.roll(line, -1, axis=0) - line
     after = np.roll(edge, -1, axis=0)
     turn = np.arctan2(edge[:, 0] * after[:, 1] - edge[:, 1] * after[:, 0], np.sum(edge * after, axis=1))

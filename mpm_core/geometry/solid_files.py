@@ -26,7 +26,7 @@ MAX_VERTEX_COORDINATE = 1e8  # No mine has larger coordinates (m), and float64 r
 
 @dataclass(frozen=True)
 class Picked:
-    """What of a file is meant, and where it lies: metres = coordinate x unit x scale + offset."""
+    """The part of a file that is meant, and its place: metres = coordinate x unit x scale + offset."""
 
     layer: str | None = None
     """of a DXF drawing"""
@@ -40,7 +40,7 @@ class Picked:
 
     @classmethod
     def of(cls, entry: dict) -> "Picked":
-        """From the keys of an excavation or rock body."""
+        """The choice that the keys of an excavation or rock body make."""
         return cls(**{key: entry[key] for key in cls.__dataclass_fields__ if key in entry})
 
     def place(self, vertices: np.ndarray, own_unit: float | None = None) -> np.ndarray:
@@ -153,7 +153,7 @@ def _placed(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_uni
 
 
 def _read(path: Path, name: str, reader: Callable):
-    """What the reader makes of the file; whatever it stumbles over becomes one line."""
+    """The result of the reader; any error in it becomes one line."""
     if not path.is_file():
         raise InputError(
             f"{path}: {name}: no such file; relative paths start at the folder of the mine's configuration"

@@ -1,4 +1,4 @@
-"""A volume of rock bounded by facets, or what such a volume leaves of a box: what every shape and file becomes."""
+"""A volume of rock bounded by facets, or the rest of a box without it. Every shape and file becomes one of the two."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -94,7 +94,7 @@ class Solid:
 
     @cached_property
     def is_closed(self) -> bool:
-        """Whether the facets leave no edge open: each is passed as often one way as the other.
+        """True if the facets leave no edge open: each is passed as often one way as the other.
 
         Vertices at the same place are one (STL repeats them). Then the winding number is a whole number everywhere.
         """
@@ -108,7 +108,8 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Outside:
-    """What a solid leaves of the box from lower to upper (dimension,) m: a body under load is a box less its outside.
+    """The rest of the box from lower to upper (dimension,) m without a solid: a body under load is a box less its
+    outside.
 
     inside.py treats it as any solid; beyond the box it may be either.
     """

@@ -44,7 +44,7 @@ def volume_within(corners: np.ndarray, is_closed: bool, lower: np.ndarray, upper
         return abs(whole)
 
     def missing(points: np.ndarray) -> np.ndarray:
-        """By how much the sum over the facets is wrong at points: what is to be added up, 0 where it is right."""
+        """Error of the sum over the facets at points, which is to be added up; 0 where it is right."""
         w = winding_number(points)
         if not is_closed:
             return (np.abs(w) > 0.5).astype(float)
@@ -68,7 +68,7 @@ def open_volumes(corners: np.ndarray, sizes: np.ndarray) -> np.ndarray:
 
 
 def is_on_its_hull(corners: np.ndarray) -> bool:
-    """Whether every facet (facet, corner, dimension) lies on the surface of the convex hull of all corners.
+    """True if every facet (facet, corner, dimension) lies on the surface of the convex hull of all corners.
 
     W is then the same everywhere within it, and 0 without if the surface is closed. False where corners are many.
     """

@@ -95,7 +95,7 @@ def inside_block(corners, points, real, imaginary, turns):
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def inside_points(corners, points, inside):
-    """Whether |winding number| > 1/2 at each point, by summing over all facets.
+    """Write True where |winding number| > 1/2 at a point, by summing over all facets.
 
     corners (facet, corner, dimension) float64; points (point, dimension) float64; inside (point,) bool, written in
     place. Each block of points is one thread's, facets in their order: the result does not depend on the thread count.

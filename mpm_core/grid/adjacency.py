@@ -1,4 +1,4 @@
-"""Which cells share a face, also across levels."""
+"""Cells that share a face, also across levels."""
 
 import numpy as np
 from numba import njit, prange
@@ -37,7 +37,7 @@ def holding_cells(grid: MultiLevelGrid, places: np.ndarray) -> np.ndarray:
 
 
 def leaf_lookup(grid: MultiLevelGrid) -> tuple[np.ndarray, int, np.ndarray, np.ndarray, np.ndarray]:
-    """What `cell_at` needs to find the leaf at a place: (code, halvings, base_shape, first, count).
+    """The arguments by which `cell_at` finds the leaf at a place: (code, halvings, base_shape, first, count).
 
     code (cell,) int64 Morton code within the base cell; base_shape (d,) base cells; first, count (base,) int32 the run
     of leaves in each base cell, C order.

@@ -20,7 +20,7 @@ GRID_REMEDY = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer g
 
 
 class GridCount(NamedTuple):
-    """What a grid will have, known from its split marks alone."""
+    """Size of a grid, known from its split marks alone."""
 
     cells: int
     nodes: int

@@ -28,16 +28,16 @@ MAX_PARTS_KNOWN = 200_000  # Parts of cells whose integrals are remembered: 0.1 
 MAX_CELLS_KNOWN = 200_000  # Cells of which the samples' volumes are: 0.15 GB.
 
 
-class Remembered:
-    """A function of rows (k, n) uint64 to results (k, m) float64, row by row, which keeps the results of so many rows
-    at `most`."""
+class RowCache:
+    """A cache of a function from rows (k, n) uint64 to results (k, m) float64, row by row, of at most `capacity`
+    rows."""
 
-    def __init__(self, function: Callable[[np.ndarray], np.ndarray], most: int):
-        self.function, self.most = function, most
-        self.forget()
+    def __init__(self, function: Callable[[np.ndarray], np.ndarray], capacity: int):
+        self.function, self.capacity = function, capacity
+        self.clear()
 
-    def forget(self) -> None:
-        """Keep no results."""
+    def clear(self) -> None:
+        """Empty the cache."""
         self.keys, self.rows, self.results = np.empty(0, np.uint64), np.empty((0, 0)), np.empty((0, 0))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
@@ -46,8 +46,8 @@ class Remembered:
         place, known = self._find(keys, rows)
         if not known.all():
             new = np.flatnonzero(~known)
-            if len(self.keys) + len(new) > self.most:
-                self.forget()
+            if len(self.keys) + len(new) > self.capacity:
+                self.clear()
                 new = np.arange(len(rows))
             self._keep(keys, rows, new)
             place, known = self._find(keys, rows)
@@ -58,14 +58,14 @@ class Remembered:
         return results
 
     def _find(self, keys: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where rows are among those kept, if they are (k,) bool."""
+        """Place of each row among those in the cache, and (k,) bool: True where it is there."""
         if not len(self.keys):
             return np.zeros(len(rows), int), np.zeros(len(rows), bool)
         place = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
         return place, (self.keys[place] == keys) & (self.rows[place] == rows).all(axis=1)
 
     def _keep(self, keys: np.ndarray, rows: np.ndarray, new: np.ndarray) -> None:
-        """Keep the results of new rows, one for each key."""
+        """Add the results of new rows, one for each key."""
         _, first = np.unique(keys[new], return_index=True)
         new = new[first]
         new = new[~np.isin(keys[new], self.keys)]
@@ -93,7 +93,7 @@ class DistortedCells:
         return cls(np.empty(0, np.int32), np.empty((0, 1 << dimension, dimension)))
 
     def rows(self, cells: np.ndarray) -> np.ndarray:
-        """Which of these each of some cells (n,) is, (n,) int64; -1 for cells that are cubes."""
+        """Row of each of some cells (n,) among these, (n,) int64; -1 for cells that are cubes."""
         return self._row_of_cell.take(cells, mode="clip")
 
     @cached_property
@@ -111,7 +111,7 @@ class DistortedCells:
         return volume
 
     def node_positions(self, grid: MultiLevelGrid) -> np.ndarray:
-        """Where the nodes of the grid that has these cells are, (node, d) m."""
+        """Positions of the nodes of the grid that has these cells, (node, d) m."""
         position = grid.node_position.copy()
         nodes = grid.vtk_nodes[self.cell][:, BIT_ORDER[grid.dimension]]
         position[nodes] = grid.origin + (grid.cell_index[self.cell][:, None] + self.corners) * grid.fine_cell
@@ -123,16 +123,16 @@ class DistortedCells:
         return sample_volumes(self.corners)
 
     def of(self, chosen: np.ndarray, number: np.ndarray) -> "DistortedCells":
-        """Those among chosen cells of the grid (cell,) bool; number (cell,) int32: what they are called there."""
+        """The distorted cells among chosen cells of the grid (cell,) bool; number (cell,) int32: their index there."""
         kept = chosen[self.cell]
         return DistortedCells(number[self.cell[kept]], self.corners[kept])
 
 
 @dataclass(frozen=True)
 class PartIntegrals:
-    """Of parts of distorted cells (k,): volume, in cubes; place (k, d) of the centroid, -1 to 1 across the undistorted
-    cell; modes (k, 2^d), means of the reference cell's modes (kernels/modes.py); gradients (k, 2^d, d), means of the
-    corners' shape functions' along the axes, in units of 2 over the cell's edge."""
+    """Integrals over parts of distorted cells (k,): volume, in cubes; place (k, d) of the centroid, -1 to 1 across the
+    undistorted cell; modes (k, 2^d), means of the reference cell's modes (kernels/modes.py); gradients (k, 2^d, d),
+    means of the corners' shape functions' along the axes, in units of 2 over the cell's edge."""
 
     volume: np.ndarray
     place: np.ndarray
@@ -292,8 +292,8 @@ def _volumes(rows: np.ndarray) -> np.ndarray:
 
 
 # A mine asks for the same cells and parts again with each split and each part of the mine.
-_INTEGRALS = {dimension: Remembered(_integrals, MAX_PARTS_KNOWN) for dimension in (2, 3)}
-_VOLUMES = {dimension: Remembered(_volumes, MAX_CELLS_KNOWN) for dimension in (2, 3)}
+_INTEGRALS = {dimension: RowCache(_integrals, MAX_PARTS_KNOWN) for dimension in (2, 3)}
+_VOLUMES = {dimension: RowCache(_volumes, MAX_CELLS_KNOWN) for dimension in (2, 3)}
 
 
 @functools.cache
@@ -308,7 +308,7 @@ def _tables(dimension: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _shapes_and_slopes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the corners at points (64, 2^d, d) of the unit cube: shape functions (64, 2^d, 2^d) and their slopes
+    """Shape functions of the corners at points (64, 2^d, d) of the unit cube (64, 2^d, 2^d) and their slopes
     (64, 2^d, 2^d, d) there."""
     dimension = points.shape[2]
     bits = corner_offsets(dimension)

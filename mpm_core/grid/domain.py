@@ -30,7 +30,8 @@ class Domain:
 
 
 def base_cells(lower, upper, coarse_cell: float, name: str = "grid.coarse_cell") -> np.ndarray:
-    """How many base cells of edge coarse_cell m tile the box from lower to upper (d,) m along each axis: (d,) int64.
+    """Number of base cells of edge coarse_cell m that tile the box from lower to upper (d,) m along each axis: (d,)
+    int64.
 
     Raises InputError if they do not, but for the round-off of the coordinates: what is left would be no part of a cell.
     name: what a message calls coarse_cell.

@@ -104,7 +104,7 @@ def _bends(vertices: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class EdgeNodes:
-    """Which nodes are moved, and by how much: place (k, d) int32, fine units; shift (k, d), finest cells."""
+    """The nodes that are moved, and by how much: place (k, d) int32, fine units; shift (k, d), finest cells."""
 
     place: np.ndarray
     shift: np.ndarray
@@ -115,7 +115,7 @@ class EdgeNodes:
         return cls(np.empty((0, dimension), np.int32), np.empty((0, dimension)))
 
     def of(self, chosen: np.ndarray) -> "EdgeNodes":
-        """Those that are chosen, (k,) bool or indices."""
+        """The chosen ones, (k,) bool or indices."""
         return EdgeNodes(self.place[chosen], self.shift[chosen])
 
 
@@ -225,7 +225,7 @@ def _move(batches, place, goal, number, first, close, shares, offsets, points, s
 
 
 def _is_edge(solid: Solid | Outside, place: np.ndarray, origin: np.ndarray, fine_cell: float) -> np.ndarray:
-    """Whether a solid has an edge at places (k, d), finest cells, at the size of the cells: (k,) bool; not where its
+    """(k,) bool: True where a solid has an edge at places (k, d), finest cells, at the size of the cells; not where its
     surface is only rough."""
     lattice = (all_cells((6,) * place.shape[1]) - 2.5) / 3.0 * BALL_RADIUS
     ball, convex = lattice[np.linalg.norm(lattice, axis=1) <= BALL_RADIUS], solid
@@ -282,7 +282,7 @@ def _nearest_of_each(place: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, n
 def _inside(
     solid: Solid | Outside, place: np.ndarray, goal: np.ndarray, origin: np.ndarray, fine_cell: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Those nodes of which all around lies inside the solid; and those that lie on an edge as they are."""
+    """Nodes of which all around lies inside the solid; and those that lie on an edge as they are."""
     corners = MAX_DISTANCE_ON_LATTICE * 1e3 * (2 * all_cells((2,) * place.shape[1]) - 1)
     points = origin + (place[:, None, :] + corners) * fine_cell
     inside = contains(solid, points.reshape(-1, place.shape[1])).reshape(points.shape[:2]).all(axis=1)

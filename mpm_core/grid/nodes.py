@@ -69,7 +69,7 @@ def _edges_and_faces(dimension: int) -> np.ndarray:
 
 @njit(cache=True)
 def _slot(keys, key):
-    """Where a key is in the hash table, or the empty slot where it belongs (open addressing, linear probing)."""
+    """Place of a key in the hash table, or the empty slot where it belongs (open addressing, linear probing)."""
     mask = len(keys) - 1
     slot = ((key * GOLDEN_MULTIPLIER) >> 24) & mask
     while keys[slot] != NO_ENTRY and keys[slot] != key:
@@ -79,7 +79,7 @@ def _slot(keys, key):
 
 @njit(cache=True)
 def _doubled(keys, ids):
-    """The same hash table with twice the room."""
+    """The hash table with twice the room."""
     new_keys = np.full(2 * len(keys), NO_ENTRY, np.int64)
     new_ids = np.empty(2 * len(keys), np.int32)
     for old in range(len(keys)):
@@ -159,7 +159,7 @@ def _number(cell_index, cell_size, places, block, stride, corners, corner_slot, 
 
 @njit(cache=True)
 def _place(cell_index, cell_size, corners, cell_nodes, node_index):
-    """Where the nodes are: node_index (node, d) int32 is written when a node is first met."""
+    """Note the places of nodes: node_index (node, d) int32 is written when a node is first met."""
     met = 0
     for cell in range(len(cell_index)):
         for corner in range(len(corners)):
@@ -229,7 +229,7 @@ def _middles(sides, corners):
 
 @njit(cache=True)
 def _entry(cell_index, cell, lower, stride):
-    """Where the lower corner of a cell is in its block's table."""
+    """Place of a cell's lower corner in its block's table."""
     entry = 0
     for axis in range(len(lower)):
         entry += (cell_index[cell, axis] - lower[axis]) * stride[axis]

@@ -1,4 +1,4 @@
-"""Which cells split, and the leaves that remain (paper 2.1), in 2-D and 3-D.
+"""The cells that split, and the leaves that remain (paper 2.1), in 2-D and 3-D.
 
 Cells of level 0 are the base grid, each level halves them, the finest level is ``levels - 1``. Every level but the
 finest has one dense array of flags, "this cell splits"; rings and balance are dilations of such arrays. Balance is 2:1
@@ -80,7 +80,7 @@ def refine(base_shape, levels: int, classify: Classify, buffer_cells: int) -> tu
 
 
 def mark_splits(base_shape, levels: int, classify: Classify, buffer_cells: int) -> SplitMarks:
-    """Which cells split, so that excavations lie in finest cells and neighbours differ by one level at most.
+    """The cells that split, so that excavations lie in finest cells and neighbours differ by one level at most.
 
     base_shape (d,) base cells per axis; levels >= 1; classify is called once per level, for all base cells and then
     for the children of cells it marked; buffer_cells rings of a level's cells split around those marked on it. Raises

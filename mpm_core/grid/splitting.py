@@ -102,7 +102,7 @@ def with_leaves(grid: MultiLevelGrid, cell_index: np.ndarray, cell_level: np.nda
 
 
 def _not_split(grid: MultiLevelGrid, level: int, codes: np.ndarray) -> np.ndarray:
-    """Those of the codes of cells of a level that are not split in the grid, all of them in no finer cell."""
+    """Codes, among these of cells of a level, that are not split in the grid, all of them in no finer cell."""
     halvings = grid.levels - 1 - level
     if not grid.present.all():  # cells of a subdomain's surroundings are not its own
         place = np.stack(np.unravel_index(codes, tuple(grid.shape >> halvings)))

@@ -1,4 +1,4 @@
-"""Which thread writes where: cells in blocks of fixed size, each with force slots of its own.
+"""The threads that write forces: cells in blocks of fixed size, each with force slots of its own.
 
 A cell adds to the nodes of its corners, so two threads may meet at a node. Here every block of cells writes into slots
 that no other block touches, and each free node then adds up its slots in one fixed order. The blocks depend on the grid
@@ -16,7 +16,7 @@ CELLS_PER_BLOCK = 2048  # The forces of one block fit into a core's second-level
 
 @dataclass(frozen=True)
 class Scatter:
-    """How forces at cell corners become forces at free nodes.
+    """The sums that turn forces at cell corners into forces at free nodes.
 
     block_start (block + 1,) first cell of each block; slot_start (block + 1,) first slot of each block;
     cell_slots (cell, corner) slot of each corner; free_nodes (free,) nodes without parents;

@@ -1,4 +1,4 @@
-"""First failure: who stands above peak strength, and the brittle drop to residual strength."""
+"""First failure: the particles above peak strength, and the brittle drop to residual strength."""
 
 import functools
 import math
@@ -31,7 +31,7 @@ def make_overstress_of(law):
 
     @njit(parallel=True, error_model="numpy", cache=True)
     def overstress_of(candidates, stress, insitu, material, rows, excess):
-        """How far candidates stand above strength, Pa: excess (candidate,), in place; 0 where bounds prove them below.
+        """Overstress of candidates, Pa: excess (candidate,), in place; 0 where bounds prove them below strength.
 
         candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; rows (material, column).
         """
@@ -55,7 +55,7 @@ def size_of(xx, yy, zz, yz, xz, xy):
 
 @njit(error_model="numpy", cache=True)
 def strength_margin(stress, insitu, particle, strength):
-    """How far a particle may stand above strength, Pa: in proportion to strength (Pa), virgin and present stress.
+    """Overstress that round-off may leave, Pa: in proportion to strength (Pa), virgin and present stress.
 
     So a scene of other strengths and stresses, all scaled alike, fails alike.
     """
@@ -68,16 +68,16 @@ def strength_margin(stress, insitu, particle, strength):
 
 
 @functools.cache
-def make_stands_above(law):
+def make_is_above_strength(law):
     """The kernel for a law."""
     length = law.ROW_LENGTH
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def stands_above(candidates, failed, stress, insitu, material, rows, borne, above):
-        """Whether candidates, intact ones, stand above strength by more than a margin: above (candidate,) bool.
+    def is_above_strength(candidates, failed, stress, insitu, material, rows, tolerated_overstress, above):
+        """Find intact candidates above strength by more than a margin: above (candidate,) bool, written.
 
-        failed (particle,) int32, -1 intact; borne (particle,) Pa or (0,): more, by place; other arguments as in
-        overstress_of.
+        failed (particle,) int32, -1 intact; tolerated_overstress (particle,) Pa or (0,): more, by place; other
+        arguments as in overstress_of.
         """
         for i in prange(len(candidates)):
             p = candidates[i]
@@ -87,16 +87,16 @@ def make_stands_above(law):
             xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
             row = strength_of(rows, material[p], length)
             if not law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
-                more = borne[p] if len(borne) else 0.0
+                more = tolerated_overstress[p] if len(tolerated_overstress) else 0.0
                 margin = strength_margin(stress, insitu, p, law.strength_size(row))
                 above[i] = law.overstress(xx, yy, zz, yz, xz, xy, row) > margin + more
 
-    return stands_above
+    return is_above_strength
 
 
 @njit(parallel=True, cache=True)
 def any_neighbor(cells, neighbor_start, neighbors, chosen, found):
-    """Whether any neighbour of the cells (k,) is among the chosen (cell,) bool: found (k,) bool, written."""
+    """Find cells (k,) with a neighbour among the chosen (cell,) bool: found (k,) bool, written."""
     for i in prange(len(cells)):
         found[i] = False
         for link in range(neighbor_start[cells[i]], neighbor_start[cells[i] + 1]):

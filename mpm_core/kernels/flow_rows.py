@@ -224,7 +224,7 @@ def make_measure_tangents(law, dimension):
                         gradient[j, k] += slope[entry] * derivative * values[place + j]
             dilation = lame * (gradient[0, 0] + gradient[1, 1] + gradient[2, 2])
             matrix = np.zeros((6, 6))
-            yields[entry] = law.fallen_stiffness(
+            yields[entry] = law.stiffness_reduction(
                 trial_stress[entry, 0] + dilation + 2.0 * shear * gradient[0, 0],
                 trial_stress[entry, 1] + dilation + 2.0 * shear * gradient[1, 1],
                 trial_stress[entry, 2] + dilation + 2.0 * shear * gradient[2, 2],
@@ -245,7 +245,7 @@ def make_measure_tangents(law, dimension):
 
 
 @njit(inline="always", error_model="numpy")
-def take(work, values, places, start, dimension):
+def gather_corners(work, values, places, start, dimension):
     """Rows corner * d + component of `work` from a nodal array."""
     for corner in range(1 << dimension):
         row = dimension * corner * W
@@ -259,7 +259,7 @@ def take(work, values, places, start, dimension):
 
 
 @njit(inline="always", error_model="numpy")
-def give(work, forces, places, start, dimension):
+def scatter_corners(work, forces, places, start, dimension):
     """Add rows corner * d + component of `work` to a nodal array."""
     for corner in range(1 << dimension):
         row, place = dimension * corner * W, start + corner * W
@@ -269,7 +269,7 @@ def give(work, forces, places, start, dimension):
             add_to_points_2(forces, places, place, load(work, row), load(work, row + W))
 
 
-def make_take_tangents_off(dimension):
+def make_subtract_tangents(dimension):
     """The kernel for d = dimension."""
     corners = 1 << dimension
     gradient = corners * dimension * W
@@ -278,7 +278,7 @@ def make_take_tangents_off(dimension):
     size = stress + 6 * W
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def take_tangents_off(batch_start, places, slopes, matrices, values, forces):
+    def subtract_tangents(batch_start, places, slopes, matrices, values, forces):
         """forces -= B^T D B values of all entries, eight at a time: flat nodal arrays, copies filled in.
 
         batch_start (block + 1,): first batch of each block; places (batch * 2^d * LANES,) rows of the corners; slopes
@@ -289,7 +289,7 @@ def make_take_tangents_off(dimension):
             work = np.zeros(size, values.dtype)
             for batch in range(batch_start[block], batch_start[block + 1]):
                 start = batch * corners * W
-                take(work, values, places, start, dimension)
+                gather_corners(work, values, places, start, dimension)
                 sum_modes(work, dimension)
                 for j in range(dimension):
                     for k in range(dimension):
@@ -316,10 +316,10 @@ def make_take_tangents_off(dimension):
                             total += derivative * load(work, stress + VOIGT[j][k] * W)
                         store(work, (dimension * mode + j) * W, total)
                 sum_corners(work, dimension)
-                give(work, forces, places, start, dimension)
+                scatter_corners(work, forces, places, start, dimension)
 
-    return take_tangents_off
+    return subtract_tangents
 
 
-TAKE_TANGENTS_OFF = {2: make_take_tangents_off(2), 3: make_take_tangents_off(3)}
+SUBTRACT_TANGENTS = {2: make_subtract_tangents(2), 3: make_subtract_tangents(3)}
 """by dimension"""

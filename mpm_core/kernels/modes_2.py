@@ -1,4 +1,4 @@
-"""What `modes.py` says, at a place of a cell with 2^2 corners (plane strain).
+"""Modes (modes.py) at a place of a cell with 2^2 corners (plane strain).
 
 Kernels made for a dimension take this module as a whole: numba keeps a kernel on disk under what its closure holds, and
 a module goes by its name where a compiled function would be another one in every process.

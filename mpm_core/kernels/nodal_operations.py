@@ -1,4 +1,4 @@
-"""What happens at the nodes: forces gathered, motion advanced with local damping, loads spread (Eqs 1, 3 and 4)."""
+"""Operations at the nodes: gather forces, advance motion with local damping, spread loads (Eqs 1, 3 and 4)."""
 
 import numpy as np
 from numba import njit, prange

@@ -1,4 +1,4 @@
-"""What the elastic operator adds for single cells.
+"""Terms that the elastic operator adds for single cells.
 
 Cells whose particles follow no rule (samples of a cut cell) have a full stiffness matrix each. Distorted cells have
 hourglass patterns of their own.
@@ -7,7 +7,7 @@ hourglass patterns of their own.
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.flow_rows import give, sum_corners, sum_modes, take
+from mpm_core.kernels.flow_rows import gather_corners, scatter_corners, sum_corners, sum_modes
 from mpm_core.kernels.modes import to_corners
 from mpm_core.simd.lanes import LANES as W
 from mpm_core.simd.lanes import fill, load, store
@@ -124,14 +124,14 @@ def make_add_patterns(dimension):
         """forces += g p (p . values) along each axis, of all entries, eight at a time: flat nodal arrays, copies filled
         in.
 
-        batch_start (block + 1,), places: see flow_rows.take_tangents_off; patterns p (batch * 2^d * LANES,) of the
+        batch_start (block + 1,), places: see flow_rows.subtract_tangents; patterns p (batch * 2^d * LANES,) of the
         modes; stiffness g (batch * LANES,). One precision throughout.
         """
         for block in prange(len(batch_start) - 1):
             work = np.zeros(held + 3 * W, values.dtype)
             for batch in range(batch_start[block], batch_start[block + 1]):
                 start = batch * corners * W
-                take(work, values, places, start, dimension)
+                gather_corners(work, values, places, start, dimension)
                 sum_modes(work, dimension)
                 for j in range(dimension):
                     total = fill(work, 0.0)
@@ -143,7 +143,7 @@ def make_add_patterns(dimension):
                         pattern = load(patterns, start + mode * W)
                         store(work, (dimension * mode + j) * W, pattern * load(work, held + j * W))
                 sum_corners(work, dimension)
-                give(work, forces, places, start, dimension)
+                scatter_corners(work, forces, places, start, dimension)
 
     return add_patterns
 

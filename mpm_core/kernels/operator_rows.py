@@ -1,4 +1,4 @@
-"""What the elastic operator and its solver do row by row: copies of nodes, transfer between levels, vector sums.
+"""Operations of the elastic operator and its solver by row: copies of nodes, transfer between levels, vector sums.
 
 Nodal arrays are flat: row r holds elements r width to r width + width - 1, width 4 in 3-D and 2 in 2-D. Every element
 is written by one thread, sums are made in one fixed order: the result does not depend on the number of threads.
@@ -115,7 +115,7 @@ PROLONG = {dimension: make_prolong(width) for dimension, width in POINT_WIDTH.it
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def take_from_nodes(row_node, inverse_diagonal, width, values, rows):
+def gather_rows(row_node, inverse_diagonal, width, values, rows):
     """Values at nodes (node, d) to rows (row * width,), written; 0 on copies and where D^-1 is 0."""
     for row in prange(len(row_node)):
         for k in range(width):
@@ -127,7 +127,7 @@ def take_from_nodes(row_node, inverse_diagonal, width, values, rows):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def give_to_nodes(node_row, width, rows, values):
+def scatter_rows(node_row, width, rows, values):
     """Own rows to values at nodes (node, d), written; hanging nodes get what stands in their copy."""
     for node in prange(len(node_row)):
         for k in range(values.shape[1]):

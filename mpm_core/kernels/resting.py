@@ -244,7 +244,7 @@ def make_update(law, dimension: int):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def note_flow_start(particles, stress, later_strain, stress_before, flow):
+def record_flow_start(particles, stress, later_strain, stress_before, flow):
     """Copy what flow counts from, of particles (k,): stress_before, flow (k, 6), written."""
     for i in prange(len(particles)):
         p = particles[i]
@@ -254,7 +254,7 @@ def note_flow_start(particles, stress, later_strain, stress_before, flow):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def take_back_flow(particles, flow, material, elastic_constants, stress, later_strain):
+def undo_flow(particles, flow, material, elastic_constants, stress, later_strain):
     """Undo what has flowed since the start: stress becomes the elastic trial stress of all strain since then.
 
     particles (k,) indices; flow (k, 6) later_strain at the start; material (particle,); elastic_constants (material, 2)

@@ -1,4 +1,4 @@
-"""How many threads work: those that a stage may have, or one where waking more takes longer than the work."""
+"""The number of threads: those that a stage may have, or one where waking more takes longer than the work."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

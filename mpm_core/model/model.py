@@ -15,7 +15,7 @@ from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_cells, mark_corners
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
 from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, step_stiffness, volumes
-from mpm_core.model.phantom_nodes import Parting, part
+from mpm_core.model.phantom_nodes import PhantomNodes, with_phantom_nodes
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
 from mpm_core.model.unsupported import find_unsupported
@@ -56,7 +56,7 @@ class Model:
     """the grid with one node at each place; the same one if there are no phantom nodes"""
     severed: np.ndarray
     unheld: int
-    """see phantom_nodes.Parting"""
+    """see phantom_nodes.PhantomNodes"""
 
     @property
     def slopes(self) -> np.ndarray:
@@ -114,7 +114,7 @@ class Model:
         return np.flatnonzero(self.grid.is_hanging).astype(np.int32)
 
     def at(self, step: int) -> "Model":
-        """The same with particles where their material is once `step` is mined, and nodes of their own for walls that
+        """The model with particles where their material is once `step` is mined, and nodes of their own for walls that
         it has parted; itself unless `cut_cells` is mean."""
         if self.scene.cut_cells != "mean" or step == self.step:
             return self
@@ -123,10 +123,10 @@ class Model:
         insitu = self.insitu.copy()
         insitu[moved] = virgin_stress(self.scene, particles.position[moved])
         changed = replace(self, particles=particles, insitu=insitu, step=step)
-        parting = part(self.plain, self.changes, step)
-        if not (parting.grid.phantoms or self.grid.phantoms):
+        phantom_nodes = with_phantom_nodes(self.plain, self.changes, step)
+        if not (phantom_nodes.grid.phantoms or self.grid.phantoms):
             return changed
-        return replace(changed, **parting._asdict(), **_on_nodes(parting.grid, self.scene))
+        return replace(changed, **phantom_nodes._asdict(), **_on_nodes(phantom_nodes.grid, self.scene))
 
     def material_volumes(self, step: int) -> np.ndarray:
         """Volume of each particle's own material once `step` is mined and filled, (particle,)."""
@@ -181,7 +181,7 @@ class Model:
         return self.particles.is_rock & by_material[self.particles.material]
 
     def is_brittle(self) -> bool:
-        """Whether some rock loses strength when it fails; if not, it is perfectly plastic."""
+        """True if some rock loses strength when it fails; if not, it is perfectly plastic."""
         return not np.array_equal(self.intact_rows, self.residual_rows, equal_nan=True)
 
     def virgin_state(self) -> State:
@@ -225,7 +225,7 @@ def _held(grid: MultiLevelGrid, scene: Scene) -> np.ndarray:
 
 
 def _on_nodes(grid: MultiLevelGrid, scene: Scene) -> dict:
-    """What a model knows of the nodes of a grid, by name."""
+    """The attributes of a model that depend on the nodes of a grid, by name."""
     cell_nodes = grid.vtk_nodes.take(BIT_ORDER[grid.dimension], axis=1)
     return {
         "cell_nodes": cell_nodes,
@@ -261,11 +261,11 @@ def build_model(
     particles = seed(grid, body, changes, scene, pieces, distorted or DistortedCells.none(grid.dimension))
     if grid.phantoms:  # of the step before
         grid = with_leaves(grid, grid.cell_index, grid.cell_level)
-    parting = Parting(grid, np.empty((0, 3), np.int64), 0)
+    phantom_nodes = PhantomNodes(grid, np.empty((0, 3), np.int64), 0)
     at = step if at is None else at
     if scene.cut_cells == "mean":
         particles = at_step(particles, changes, at, grid)
-        parting = part(grid, changes, at)
+        phantom_nodes = with_phantom_nodes(grid, changes, at)
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = scene.materials.values()
@@ -285,6 +285,6 @@ def build_model(
         unsupported=unsupported,
         step=at,
         plain=grid,
-        **parting._asdict(),
-        **_on_nodes(parting.grid, scene),
+        **phantom_nodes._asdict(),
+        **_on_nodes(phantom_nodes.grid, scene),
     )

@@ -1,4 +1,4 @@
-"""What holds each part of a cell, step by step: rock, then void, fill, and void again where fill is mined.
+"""The content of each part of a cell, step by step: rock, then void, fill, and void again where fill is mined.
 
 A cell's parts are its 64 samples (geometry/inside.py). In each step rock and fill are mined first; then fill is placed
 in all that stands open within its excavation's solid, whichever excavation opened it; last, what is unsupported then
@@ -28,13 +28,13 @@ class Pieces:
     samples: np.ndarray
 
     def of(self, chosen: np.ndarray) -> "Pieces":
-        """Those that are chosen, (piece,) bool."""
+        """The chosen pieces, (piece,) bool."""
         return Pieces(self.cell[chosen], self.excavation[chosen], self.samples[chosen])
 
 
 @dataclass(frozen=True)
 class FinestPieces:
-    """The same whatever the cells of a grid are: place (piece, d) int32, lower corners of finest cells, fine units."""
+    """Pieces independent of the cells of a grid: place (piece, d) int32, lower corners of finest cells, fine units."""
 
     place: np.ndarray
     excavation: np.ndarray
@@ -72,7 +72,7 @@ class Unsupported:
         return cls(np.empty(0, np.int32), np.empty(0, np.uint64), np.empty(0, np.int32), np.empty(0, np.int32))
 
     def and_then(self, other: "Unsupported") -> "Unsupported":
-        """These and those of a later step."""
+        """These parts and those of a later step."""
         return Unsupported(**{name: np.concatenate([own, getattr(other, name)]) for name, own in vars(self).items()})
 
 
@@ -109,8 +109,8 @@ class Changes:
 
 
 def changes_of(pieces: Pieces, excavations: tuple[Excavation, ...], unsupported: Unsupported) -> Changes:
-    """How the samples of all cells change hands while these excavations are mined and filled, and unsupported parts
-    fall.
+    """The changes of owner of the samples of all cells while these excavations are mined and filled, and unsupported
+    parts fall.
 
     Rock that two solids share goes to the one that mines it first. Slivers are dropped; so is a remainder thinner than
     that: its samples go with what leaves it. No later excavation alters the changes of those before it.
@@ -153,7 +153,7 @@ def _count(samples):
 
 @njit(cache=True)
 def _take(wanted, held, least):
-    """Of samples that are wanted and held those that go: none if they are fewer than least, all held if they leave a
+    """Samples that go, of those that are wanted and held: none if they are fewer than least, all held if they leave a
     sliver."""
     gone = wanted & held
     if _count(gone) < least:

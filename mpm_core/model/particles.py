@@ -27,7 +27,7 @@ MAX_HOURGLASS_LAME = 9.0
 
 @dataclass(frozen=True)
 class Particles:
-    """Where the particles are; their state is model.State.
+    """The places of the particles; their state is model.State.
 
     cell, excavation (-1 rock), material (particle,); xi (particle, d) place in the cell, -1 to 1; position
     (particle, d), spacing (particle,) m;
@@ -126,7 +126,7 @@ def shapes_of(modes: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.nda
 def part_means(
     samples: np.ndarray, cells: np.ndarray, distorted: DistortedCells, dimension: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of parts of cells (k,), samples (k,) uint64, none empty: means of the modes (k, 2^d), their slopes (k, 2^d, d),
+    """Means over parts of cells (k,), samples (k,) uint64, none empty: of the modes (k, 2^d), their slopes (k, 2^d, d),
     and the centroid's place (k, d) across the cell, -1 to 1."""
     row, corners = distorted.rows(cells), 1 << dimension
     cubic, bent = np.flatnonzero(row < 0), np.flatnonzero(row >= 0)
@@ -294,7 +294,7 @@ def _added(sums):
 
 
 def hourglass_modulus(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
-    """What hourglass stiffness is in proportion to, Pa: lambda + 2 mu (k,), Pa, but for MAX_HOURGLASS_LAME."""
+    """Modulus that hourglass stiffness is in proportion to, Pa: lambda + 2 mu (k,), Pa, but for MAX_HOURGLASS_LAME."""
     return np.minimum(lame, MAX_HOURGLASS_LAME * shear) + 2.0 * shear
 
 
@@ -317,7 +317,7 @@ def step_stiffness(particles: Particles, elastic_constants: np.ndarray, hourglas
 
 
 def own_stiffening(modes: np.ndarray, slopes: np.ndarray, hourglass: np.ndarray) -> np.ndarray:
-    """By what the square of a lone particle's largest frequency may exceed that of one at its cell's centre, (k,).
+    """Ratio of the square of a lone particle's largest frequency to that of one at its cell's centre, at most, (k,).
 
     The particle's shape functions N and gradients g are means over samples, of modes (k, 2^d) and slopes (k, 2^d, d).
     Its strain adds at most the largest eigenvalue of sum g g^T / N over the corners, which is 4 / h^2 at the centre.

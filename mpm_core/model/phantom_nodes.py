@@ -1,9 +1,9 @@
 """Nodes of a narrow opening that each of its walls has for itself (phantom nodes).
 
 Shape functions of a cut cell reach into the opening. Where two walls are so near that their cells share nodes there,
-the rock of one is tied to that of the other, and props it. So where the solid parts of the cells around a node do not
-hang together among themselves, every group of them gets a node of its own at that place: the displacement of one wall
-says nothing of the other's (Hansbo and Hansbo 2004, Comput. Methods Appl. Mech. Eng. 193, 3523; Song, Areias and
+the rock of one is tied to that of the other, and supports it. So where the solid parts of the cells around a node do
+not hang together among themselves, every group of them gets a node of its own at that place: the displacement of one
+wall is independent of the other's (Hansbo and Hansbo 2004, Comput. Methods Appl. Mech. Eng. 193, 3523; Song, Areias and
 Belytschko 2006, Int. J. Numer. Methods Eng. 67, 868). Kernels see a cell with other nodes, and no more.
 
 Parts hang together if solid samples face each other across a face that their cells share. Slivers of one curved wall
@@ -27,8 +27,8 @@ from mpm_core.model.occupancy import Changes
 NO_CELL = -1
 
 
-class Parting(NamedTuple):
-    """A grid with phantom nodes, and what they are nodes of."""
+class PhantomNodes(NamedTuple):
+    """A grid with phantom nodes, and the walls that they belong to."""
 
     grid: MultiLevelGrid
     severed: np.ndarray
@@ -38,12 +38,12 @@ class Parting(NamedTuple):
     """places where fill lies between walls that were apart before it was placed: it does not hold them"""
 
 
-def part(grid: MultiLevelGrid, changes: Changes, step: int) -> Parting:
+def with_phantom_nodes(grid: MultiLevelGrid, changes: Changes, step: int) -> PhantomNodes:
     """A grid without phantom nodes as it is once `step` is mined and filled.
 
     Nodes stay one at the border, where cells are not of the finest size and where a node hangs.
     """
-    whole = Parting(grid, np.empty((0, 3), np.int64), 0)
+    whole = PhantomNodes(grid, np.empty((0, 3), np.int64), 0)
     done = changes.step <= step
     octants = _octants(grid, changes.cell[done])
     if not len(octants):
@@ -81,7 +81,7 @@ def part(grid: MultiLevelGrid, changes: Changes, step: int) -> Parting:
         row, octant = np.nonzero((number != group) & (more >= group)[:, None])
         node = own[row] if group == 0 else first[row] + group - 1
         pairs.append(np.stack([node, octants[row, octant], corner[octant]], axis=1))
-    return Parting(parted, np.concatenate(pairs), _unheld(number, now))
+    return PhantomNodes(parted, np.concatenate(pairs), _unheld(number, now))
 
 
 def _octants(grid: MultiLevelGrid, mined: np.ndarray) -> np.ndarray:
@@ -118,7 +118,7 @@ def _unheld(number: np.ndarray, now: np.ndarray) -> int:
 
 @njit(cache=True)
 def _hang_together(low, high, axis, per_edge):
-    """Whether samples of a cell face some of the next cell's along an axis."""
+    """True if samples of a cell face some of the next cell's along an axis."""
     stride = per_edge**axis
     across = low >> np.uint64((per_edge - 1) * stride)  # those at the high face, at the place of those at the low face
     for sample in range(64):
@@ -150,7 +150,7 @@ def _groups_of(solid, per_edge, group):
 
 
 def _groups(solid: np.ndarray) -> np.ndarray:
-    """As `_groups_of`, (node, 2^d) int8."""
+    """Groups of octants as `_groups_of` writes them, (node, 2^d) int8."""
     group = np.empty(solid.shape, np.int8)
     _groups_of(solid, round(SAMPLES_PER_CELL ** (1 / np.log2(solid.shape[1]))), group)
     return group

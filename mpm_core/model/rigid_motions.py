@@ -1,4 +1,4 @@
-"""Rigid motions of a body: which of them held components leave free, how to remove them, whether forces drive them.
+"""Rigid motions of a body: those that held components leave free, their removal, and forces that drive them.
 
 In d dimensions there are d translations and d (d - 1) / 2 rotations. Those left free are the combinations that vanish
 wherever something is held: the null space of the motions at the held components.
@@ -37,7 +37,7 @@ class RigidMotions:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of motions."""
         return len(self.shares)
 
     def at(self, position: np.ndarray) -> np.ndarray:
@@ -59,7 +59,7 @@ class RigidMotions:
         motion -= np.einsum("k,kpi->pi", shares, own)
 
     def driven_by(self, force: np.ndarray, position: np.ndarray) -> bool:
-        """Whether forces (point, d) N at positions do work on one of them: beyond MAX_RESULTANT_SHARE, they do not
+        """True if forces (point, d) N at positions do work on one of them: beyond MAX_RESULTANT_SHARE, they do not
         balance."""
         if not self.count:
             return False
@@ -68,7 +68,7 @@ class RigidMotions:
         return bool((work > MAX_RESULTANT_SHARE * farthest * np.abs(force).sum()).any())
 
     def describe(self, axes: tuple[int, ...]) -> str:
-        """In words: "it may shift along x, shift along z, turn about y"; axes (d,) of the mine's frame."""
+        """Description in words: "it may shift along x, shift along z, turn about y"; axes (d,) of the mine's frame."""
         size = np.sqrt(np.sum(self.shares**2, axis=0)) > 0.5
         words = [f"shift along {'xyz'[axis]}" for axis in axes]
         for i in range(len(axes)):

@@ -1,6 +1,6 @@
-"""What mining changes: the arrays of a state, declared once.
+"""The arrays that mining changes, declared once.
 
-The declaration makes a virgin state, says what a checkpoint keeps (stages/checkpoint.py) and what a part of the mine
+The declaration makes a virgin state, says what a checkpoint keeps (stages/checkpoint.py) and what a subdomain
 copies and copies back (equilibrium/subdomain.py), and names, measures and describes each array in the files
 (files/state_datasets.py). Another array is one more line here, and one in files/state_datasets.py
 if its file holds something else than the array.
@@ -22,7 +22,7 @@ FORCES, BOUNDARY, SEISMIC, OVERSHOOT, FLOW, GAINED, HOURGLASS, MOTION, UNBALANCE
 
 
 class Extent(Enum):
-    """Where a stage changes an array."""
+    """The particles or nodes at which a stage changes an array."""
 
     ALL = auto()
     FAILED = auto()
@@ -58,7 +58,7 @@ def _strain(name: str, meaning: str) -> Array:
 
 @dataclass
 class State:
-    """What mining changes. Components in the computation's axes.
+    """The arrays that mining changes. Components in the computation's axes.
 
     stress (particle, 6) Pa: change since virgin (rock) or full stress (fill), the full stress of both in files;
     plastic_strain (particle, 6) up to the stage before, with this stage in files; displacement, velocity (node, d);
@@ -168,15 +168,15 @@ def changed_in(extent: Extent) -> tuple[str, ...]:
     return tuple(name for name, array in ARRAYS.items() if array.changes is extent)
 
 
-def copy_to_part(state: State, own: State, places: dict[str, np.ndarray]) -> None:
-    """Fill the state of a part of a mine; places: what cells, nodes and particles of the whole it has, by dimension."""
+def copy_to_subdomain(state: State, own: State, places: dict[str, np.ndarray]) -> None:
+    """Fill the state of a subdomain; places: the cells, nodes and particles of the whole that it has, by dimension."""
     for name, array in ARRAYS.items():
         if array.dims[0] in places and array.start is not None:
             setattr(own, name, getattr(state, name).take(places[array.dims[0]], axis=0))
 
 
-def copy_from_part(own: State, state: State, places: dict[str, np.ndarray]) -> None:
-    """Write what has changed in a part of a mine into the state of the whole; its energy is added to that."""
+def copy_from_subdomain(own: State, state: State, places: dict[str, np.ndarray]) -> None:
+    """Write what has changed in a subdomain into the state of the whole mine; its energy is added to that."""
     state.energy += own.energy
     failed = np.flatnonzero(own.failed >= 0)
     for name, array in ARRAYS.items():
@@ -185,27 +185,27 @@ def copy_from_part(own: State, state: State, places: dict[str, np.ndarray]) -> N
             getattr(state, name)[index[rows]] = getattr(own, name)[rows]
 
 
-def keep(state: State, moving: bool = False, into: dict[str, np.ndarray] | None = None) -> dict[str, np.ndarray]:
+def snapshot(state: State, moving: bool = False, into: dict[str, np.ndarray] | None = None) -> dict[str, np.ndarray]:
     """A copy of what a stage changes, by name: of arrays that only failed rock has, its rows; all of all arrays where
     particles move. into: an earlier copy, whose memory is used again."""
     rows = np.flatnonzero(state.failed >= 0)
-    kept = {}
+    values = {}
     for name, array in ARRAYS.items():
         value, before = getattr(state, name), (into or {}).get(name)
         if array.changes is Extent.FAILED and not moving:
-            kept[name] = value[rows]
+            values[name] = value[rows]
         elif array.changes is Extent.ALL or moving:
             if before is None or before.shape != value.shape:
                 before = np.empty_like(value)
             np.copyto(before, value)
-            kept[name] = before
-    return kept
+            values[name] = before
+    return values
 
 
-def put_back(kept: dict[str, np.ndarray], state: State) -> None:
-    """Write what `keep` has given into the state that it is of; what has failed since then has not."""
-    since, rows = np.flatnonzero(state.failed >= 0), np.flatnonzero(kept["failed"] >= 0)
-    for name, value in kept.items():
+def restore(values: dict[str, np.ndarray], state: State) -> None:
+    """Write a snapshot's values into the state that it was taken of; what has failed since then has not."""
+    since, rows = np.flatnonzero(state.failed >= 0), np.flatnonzero(values["failed"] >= 0)
+    for name, value in values.items():
         array = getattr(state, name)
         if len(value) < len(array):
             array[since] = ARRAYS[name].start

@@ -79,7 +79,7 @@ def hang_together(samples: np.ndarray, dimension: int) -> tuple[np.ndarray, np.n
 
 
 def find_parts(grid: MultiLevelGrid, solid: np.ndarray) -> Parts:
-    """What hangs together; solid (cell,) uint64: samples that are rock or fill."""
+    """The parts that hang together; solid (cell,) uint64: samples that are rock or fill."""
     halvings, cells = grid.levels - 1, len(solid)
     base = np.ravel_multi_index(tuple((grid.cell_index >> halvings).T), grid.shape >> halvings)
     full = np.ones(grid.shape >> halvings, bool)
@@ -153,7 +153,8 @@ def _cut_links(grid: MultiLevelGrid, own, other, body, bodies, start, samples) -
 
 
 def _motions_left(grid: MultiLevelGrid, faces: dict[tuple[int, int], list[int]], solid, parts: Parts) -> np.ndarray:
-    """How many rigid motions held faces leave to each piece, (piece,). faces: components held, by axis and side."""
+    """Number of rigid motions that held faces leave to each piece, (piece,). faces: components held, by axis and
+    side."""
     dimension, count = grid.dimension, parts.piece.max() + 1
     at = [np.empty((0, dimension))], [np.empty((0, dimension), bool)], [np.empty(0, np.int64)]
     corners = CORNER_OFFSETS[dimension]

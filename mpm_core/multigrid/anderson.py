@@ -26,7 +26,7 @@ def _begin(free, residual, correction, size, residual_before, correction_before)
 
 @njit(parallel=True, error_model="numpy", cache=True)
 def _note(free, residual, correction, size, step, residual_before, difference, correction_before, change, move):
-    """What the last step has changed in the residual, the preconditioned residual, and the way on from there.
+    """Note the last step's change of the residual, the preconditioned residual, and the way on from there.
 
     residual, correction, step (element,); by unknown (k,): residual_before and correction_before, which become those of
     now (size times the correction), and, written, difference: change of the residual; change: of the preconditioned
@@ -143,7 +143,7 @@ class Anderson:
         self.count += 1
 
     def _weights(self, shares: np.ndarray) -> np.ndarray:
-        """How much of each of the latest moves to take back, from its products with the residual, both (k,)."""
+        """Share of each of the latest moves to take back, from its products with the residual, both (k,)."""
         known = len(shares)
         if not known:
             return shares

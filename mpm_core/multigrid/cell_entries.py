@@ -1,4 +1,4 @@
-"""What acts in single cells besides the elastic stiffness of cubes, in the layout of the operator of one level.
+"""Terms of single cells besides the elastic stiffness of cubes, in the layout of the operator of one level.
 
 Eight entries lie side by side.
 """
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from mpm_core.kernels.flow_rows import TAKE_TANGENTS_OFF
+from mpm_core.kernels.flow_rows import SUBTRACT_TANGENTS
 from mpm_core.kernels.operator_cells import ADD_PATTERNS
 from mpm_core.multigrid.siblings import Siblings
 from mpm_core.simd.lanes import LANES
@@ -16,7 +16,7 @@ from mpm_core.simd.lanes import LANES
 
 @dataclass(frozen=True)
 class Places:
-    """Where entries (k,) lie: in `lane` of `batch`, both (k,), in the order `order`.
+    """The places of entries (k,): in `lane` of `batch`, both (k,), in the order `order`.
 
     batch_start (block + 1,): first batch of each block of the operator that has entries; rows (batch * 2^d * LANES,)
     int32 of the corners.
@@ -56,7 +56,7 @@ def places_of(siblings: Siblings, cells: np.ndarray) -> Places:
 
 @dataclass(frozen=True)
 class Tangents:
-    """What flow takes off the stiffness of one level: see kernels.flow_rows."""
+    """The stiffness of one level that flow takes off: see kernels.flow_rows."""
 
     dimension: int
     places: Places
@@ -65,7 +65,7 @@ class Tangents:
 
     def take_off(self, values: np.ndarray, forces: np.ndarray) -> None:
         """Take their part out of elastic forces at displacement `values`, copies filled in; flat arrays."""
-        TAKE_TANGENTS_OFF[self.dimension](
+        SUBTRACT_TANGENTS[self.dimension](
             self.places.batch_start, self.places.rows, self.slopes, self.matrices, values, forces
         )  # fmt: skip
 
@@ -85,7 +85,7 @@ def pack(
 
 @dataclass(frozen=True)
 class Patterns:
-    """Hourglass patterns of distorted cells and what stands against them: see kernels.operator_cells."""
+    """Hourglass patterns of distorted cells and their stiffness: see kernels.operator_cells."""
 
     dimension: int
     places: Places
@@ -94,7 +94,7 @@ class Patterns:
 
     @classmethod
     def of(cls, siblings: Siblings, cells: np.ndarray, patterns: np.ndarray, precision) -> "Patterns":
-        """Of cells (k,), patterns (k, 2^d) of the modes; nothing stands against them yet."""
+        """Patterns (k, 2^d) of the modes, of cells (k,); without stiffness yet."""
         places = places_of(siblings, cells)
         none = np.zeros((len(cells), 1))
         return cls(

@@ -151,7 +151,7 @@ def coarsen(fine: LevelGrid) -> tuple[LevelGrid, np.ndarray]:
 
 @njit(cache=True)
 def _find_homes(cell_index, cell_width, cell_nodes, node_parents, home, upper, between):
-    """Where free nodes lie in the coarser grid: in the first of their cells that comes; all arrays (node,) written.
+    """Find free nodes in the coarser grid: in the first of their cells that comes; all arrays (node,) written.
 
     home: that cell (finer grid), -1 for hanging nodes; upper: bits of the coarse corner; between: axes along which the
     node is half-way to the next corner.

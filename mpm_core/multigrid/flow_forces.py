@@ -38,7 +38,7 @@ class FlowForces:
         self.corner_rows = np.empty((0, 1 << model.dimension), np.int32)
         self.slope, self.table_row = np.empty(0), np.empty(0, np.int64)
 
-    def take_in(self, particles: np.ndarray) -> None:
+    def add_particles(self, particles: np.ndarray) -> None:
         """Rock that has failed besides: indices, ascending. The order of entries is that of all taken in at once."""
         tables, siblings, corners = self.model.particles, self.siblings, 1 << self.model.dimension
         cell = tables.cell[particles]
@@ -60,10 +60,10 @@ class FlowForces:
         self.block_start = np.searchsorted(self.block, np.arange(len(siblings.batch_start)))
         self.carried, self.trial_stress = np.empty((2, len(self.particles), 6))
 
-    def begin(self, state: State, take_back_flow: Callable[[], None]) -> None:
-        """Displacements count from this state; take_back_flow: makes its stress that of rock that has not flowed."""
+    def begin(self, state: State, undo_flow: Callable[[], None]) -> None:
+        """Displacements count from this state; undo_flow: makes its stress that of rock that has not flowed."""
         total_stresses(self.particles, state.stress, self.model.insitu, self.carried)
-        take_back_flow()
+        undo_flow()
         total_stresses(self.particles, state.stress, self.model.insitu, self.trial_stress)
 
     def add(self, values: np.ndarray, forces: np.ndarray) -> None:
@@ -88,7 +88,7 @@ class FlowForces:
             )
 
 
-def measure(model: Model, flow: FlowForces, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def measure_tangents(model: Model, flow: FlowForces, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rock that flows at displacement `values` (a flat array, copies filled in): cells (k,), slopes, matrices."""
     count = len(flow.particles)
     matrices, yields = np.empty((count, 36), np.float32), np.empty(count, bool)
@@ -102,7 +102,7 @@ def measure(model: Model, flow: FlowForces, values: np.ndarray) -> tuple[np.ndar
     return model.particles.cell[flow.particles[yields]], model.slopes[flow.table_row[yields]], matrices
 
 
-def merge(cells: np.ndarray, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def sum_by_cell(cells: np.ndarray, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sums of matrices (k, 36) over equal cells (k,): cells, ascending, and their sums."""
     order = np.argsort(cells, kind="stable")
     cells = cells[order]
@@ -113,12 +113,12 @@ def merge(cells: np.ndarray, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def set_tangents(levels: list[Level], model: Model, flow: FlowForces, values: np.ndarray) -> None:
     """Take the tangents at displacement `values` over on all levels, finest first."""
     corners = 1 << model.dimension
-    cells, slopes, matrices = measure(model, flow, values)
+    cells, slopes, matrices = measure_tangents(model, flow, values)
     levels[0].operator.tangents = pack(levels[0].siblings, cells, slopes, matrices, levels[0].operator.precision)
     for fine, coarse in pairwise(levels):
         assert fine.coarse_of_cell is not None  # only the coarsest level has none
         assert fine.kept is not None
-        cells, matrices = merge(fine.coarse_of_cell[cells], matrices)
+        cells, matrices = sum_by_cell(fine.coarse_of_cell[cells], matrices)
         matrices *= fine.kept[cells, None]
         centre = np.zeros((len(cells), corners, model.dimension))
         centre[:, 1 << np.arange(model.dimension), np.arange(model.dimension)] = 1.0

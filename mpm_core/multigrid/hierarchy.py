@@ -59,7 +59,7 @@ def held_nodes(grid: LevelGrid, faces: np.ndarray, complete: np.ndarray | None) 
 
 
 def fills_box(grid: LevelGrid) -> bool:
-    """Whether there is a cell everywhere in the domain; not in a part of a mine."""
+    """True if there is a cell everywhere in the domain; not in a subdomain."""
     widths = (1 << power for power in range(int(grid.cell_width.max()).bit_length()))
     volume = sum(np.count_nonzero(grid.cell_width == width) * width**grid.dimension for width in widths)
     return volume == int(np.prod(grid.extent))
@@ -73,7 +73,7 @@ def complete_cells(fine: LevelGrid, complete: np.ndarray, coarse: LevelGrid, coa
 
 @njit(cache=True)
 def unbridged(shear: np.ndarray, power: int, most: float) -> float:
-    """What remains of the stiffness of a coarse cell's parts, of m `shear` (part,), where some of them are void.
+    """The rest of the stiffness of a coarse cell's parts, of m `shear` (part,), where some of them are void.
 
     That of layers in series, the harmonic over the arithmetic mean, but not less than a floor: the share of parts that
     are not void to a power. The floor is taken off the other: the next coarser grid would count it as stiffness again.

@@ -1,4 +1,4 @@
-"""How the cells of one grid level lie in memory for the elastic operator: groups, batches, blocks and rows.
+"""The memory layout of the cells of one grid level for the elastic operator: groups, batches, blocks and rows.
 
 A *group* is the 2^d sibling cells of one parent, which share 3^d nodes; siblings that are split are missing from it.
 LANES groups side by side are a *batch*, a run of batches is a *block*. A nodal array has *rows* of its own for every
@@ -79,7 +79,7 @@ def _corner_rows(places, cell_place, cells, rows):
 
 @njit(cache=True)
 def _fits(nodes, cell_nodes, place):
-    """Whether a group has no other node at the corners of a cell at a place in it; then it has these: nodes (3^d,),
+    """True if a group has no other node at the corners of a cell at a place in it; then it has these: nodes (3^d,),
     -1 where none is known, written."""
     dimension = 2 if len(cell_nodes) == 4 else 3
     for writes in range(2):

@@ -8,11 +8,11 @@ import numpy as np
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.operator_rows import (
     add_scaled,
-    give_to_nodes,
+    gather_rows,
     mask,
     product,
     scale_residual,
-    take_from_nodes,
+    scatter_rows,
     turn_direction,
 )
 from mpm_core.model.model import Model
@@ -69,13 +69,13 @@ class ElasticSolver:
         rows: the array to write, a new one without it.
         """
         rows = self.operator.zeros() if rows is None else rows
-        take_from_nodes(self.finest.siblings.row_node, self.finest.inverse_diagonal, self.operator.width, values, rows)
+        gather_rows(self.finest.siblings.row_node, self.finest.inverse_diagonal, self.operator.width, values, rows)
         return rows
 
     def to_nodes(self, rows: np.ndarray, values: np.ndarray) -> None:
         """Write values at nodes (node, d), hanging ones too, from a flat array, whose copies are filled in."""
         self.operator.spread(rows)
-        give_to_nodes(self.finest.siblings.node_row, self.operator.width, rows, values)
+        scatter_rows(self.finest.siblings.node_row, self.operator.width, rows, values)
 
     def precondition(self, residual: np.ndarray, size: float) -> np.ndarray:
         """One V-cycle: the solution (float32, an array of the finest level) times `size` approximates A^-1 residual.

@@ -1,4 +1,4 @@
-"""What the elastic operator needs of a model: constants of each cell, in the discretisation of scheme `explicit`."""
+"""The stiffness of a model's cells for the elastic operator, in the discretisation of scheme `explicit`."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ class CellParts:
     shear_volume: np.ndarray
 
     def stiffness(self, first: int = 0, last: int | None = None) -> np.ndarray:
-        """Of cells from first to before last, or all: (n, 2^d d, 2^d d) N/m."""
+        """Stiffness of cells from first to before last, or of all: (n, 2^d d, 2^d d) N/m."""
         size, rows = self.cell_size[first:last], self.slopes.shape[1] * self.slopes.shape[2]
         matrices = np.empty((len(size), rows, rows))
         sum_cell_stiffness(
@@ -53,7 +53,7 @@ class ElasticCells:
     averaged: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def row_sums(self) -> np.ndarray:
-        """What bounds the stiffness of the irregular cells, with what their hourglass patterns add where they are
+        """A bound of the stiffness of the irregular cells, with what their hourglass patterns add where they are
         distorted: (k, 2^d) N/m, see `largest_row_sums`."""
         bits = np.arange(self.patterns.shape[2])
         if self.parts is None or not len(self.irregular):

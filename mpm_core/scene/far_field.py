@@ -1,4 +1,4 @@
-"""How far a domain has to reach: until its boundary moves no wall stress by more than MAX_BOUNDARY_ERROR.
+"""The size of a domain whose boundary changes no wall stress by more than MAX_BOUNDARY_ERROR.
 
 Far from it an opening is a dipole. A boundary at distance R answers the dipole's displacement by a field that is smooth
 inside, at the opening a uniform stress of opposite sign or the same: the opening sees a share 1 - k (a / R)^d of the
@@ -82,7 +82,7 @@ def _deviator_of_sphere(nu: float, condition: str) -> float:
     uniform = 1.0, 0.0, 0
 
     def at_boundary(f: float, h: float, power: int) -> tuple[float, float]:
-        """What is zero by the condition, of a field F = f r^power, H = h r^power, at r = 1."""
+        """The two terms that are zero by the condition, of a field F = f r^power, H = h r^power, at r = 1."""
         along = f + 0.5 * power * f + h  # traction / (2 mu), along d.n; the rest along n
         across = 0.5 * power * f + power * h + nu / (1 - 2 * nu) * (power * f + (3 + power) * h)
         return {"fixed": (f, h), "roller": (f + h, along), "traction": (along, across)}[condition]
@@ -110,7 +110,7 @@ def own_volume(opening: Opening) -> float:
 
 
 def _enclosing_volume(sides: np.ndarray) -> float:
-    """The same of a box that is mined whole."""
+    """Volume, m^d, of a compact opening that disturbs as much as a box that is mined whole, or more."""
     sides = np.sort(sides)
     return float(sides[-1] * sides[-2] ** 2 if len(sides) == 3 else sides[-1] ** 2)
 
@@ -155,7 +155,7 @@ def covered(openings: Sequence[Opening]) -> float:
 
 @dataclass(frozen=True)
 class Reach:
-    """How wall stress errs with the distance R of the boundary: the least of k (a / R)^power, a term (k, a, power)."""
+    """Error of wall stress by the distance R of the boundary: the least of k (a / R)^power, a term (k, a, power)."""
 
     terms: tuple[tuple[float, float, int], ...]
 

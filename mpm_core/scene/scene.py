@@ -41,13 +41,13 @@ class InsituStress:
 
     @property
     def weightless(self) -> bool:
-        """Whether the field is uniform, so that nothing weighs anything."""
+        """True if the field is uniform, so that nothing weighs anything."""
         return not np.any(self.gradient)
 
 
 @dataclass(frozen=True)
 class Excavation:
-    """When a solid is mined and filled: indices into the stage's steps; fill None for a void.
+    """The steps in which a solid is mined and filled: indices into the stage's steps; fill None for a void.
 
     pressure: (step, Pa) pairs, the pressure on its walls from that step on, steps ascending.
     """
@@ -236,7 +236,7 @@ def check_strains(scene: Scene) -> None:
 
 
 def virgin_excess(rock: MaterialSettings, insitu: InsituStress, elevation: float) -> float:
-    """How far a virgin rock stands above its intact strength at an elevation, Pa; 0 or less where it bears its stress,
+    """Overstress of virgin rock over its intact strength at an elevation, Pa; 0 or less where it bears its stress,
     everywhere if it cannot fail."""
     if not can_fail(rock):
         return 0.0

@@ -1,4 +1,4 @@
-"""Where a stage is, next to its output: a stage that was killed goes on from there, to the same bytes.
+"""The present state of a stage, next to its output: a stage that was killed goes on from there, to the same bytes.
 
 Written between two generations of failure, where nothing is under way. It is no output that Snakemake knows of, which
 deletes the outputs of a killed stage; a stage that ends removes it.
@@ -28,7 +28,8 @@ COUNTERS = ("increment", "generation", "iteration", "tightened", "splits", "load
 
 
 def key_of(provenance: dict[str, str], *inputs: Path) -> str:
-    """What a checkpoint belongs to: configuration, sources and versions, and the bytes of the stage's input files."""
+    """Key of what a checkpoint belongs to: configuration, sources and versions, and the bytes of the stage's input
+    files."""
     digest = hashlib.sha256(repr(sorted(provenance.items())).encode())
     for path in inputs:
         with Path(path).open("rb") as file:
@@ -54,13 +55,13 @@ class Checkpoint:
         state: State,
         history: History,
         grid: MultiLevelGrid,
-        in_district: bool = False,
+        in_step_subdomain: bool = False,
         places: Sequence[np.ndarray] = (),
         full: bool = False,
     ) -> None:
         """Write state, the cells that it has, and the convergence table, if it is time to.
 
-        in_district: whether they are those of the step's subdomain; places (k, d) each: what was split, full:
+        in_step_subdomain: True if they are those of the step's subdomain; places (k, d) each: what was split, full:
         whether no more may be (step_cells.py).
         """
         now = time.perf_counter()
@@ -74,7 +75,7 @@ class Checkpoint:
             others = {name: value for name, value in vars(state).items() if name not in (*OF_FAILED, *UNCHANGED)}
             split = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
             cells: dict[str, Any] = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
-            cells |= {"in_district": in_district, "places": split, "full": full}
+            cells |= {"in_step_subdomain": in_step_subdomain, "places": split, "full": full}
             np.savez(file, key=self.key, taken=CLOCK.taken(), **counters | cells | others | of_failed | tables)
         self.last = time.perf_counter()
         self.cost = self.last - now

@@ -1,4 +1,4 @@
-"""What a rule runs: the grid, the elastic history, and a mining step."""
+"""The elastic history and a mining step, as a rule runs them."""
 
 import logging
 import sys
@@ -50,14 +50,14 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     balance = Balance.at_start(scheme.body, virgin, 0.0)
     force, strain = external_force(model, 0), boundary_strain(scene, 0)
     reference = load_size(model, force, strain, 0)
-    with following(scene, "elastic", failed_state, lambda: state) as history:
+    with SolutionMonitor(scene, "elastic", failed_state, lambda: state) as history:
         history.increment = 1
         if strain.any():
             scheme.body.deform(strain)
-        scheme.relax(force, scene.solver.tolerance, reference, history)
+        scheme.reach_equilibrium(force, scene.solver.tolerance, reference, history)
         # Where free faces unload rock, the forces that do so measure a stress that has gone: what stays measures again.
         reference *= share_that_stays(model, state, volume)
-        scheme.relax(force, scene.solver.tolerance, reference, history)
+        scheme.reach_equilibrium(force, scene.solver.tolerance, reference, history)
     return finish(scheme, history, 0, balance, force, state.displacement, reference, "elastic")
 
 
@@ -86,12 +86,12 @@ def mining_step(
             "step out, or mine or load less in the one before"
         )
     saved = {} if checkpoint is None or scene.solver.move else checkpoint.read()
-    watched = following(scene, scene.steps[step], failed_state)
+    watched = SolutionMonitor(scene, scene.steps[step], failed_state)
     with watched as history:
         cells, balance = begin_step(Ground.of(scene, grid), previous, step, history)
         at_work = cells
         watched.state = lambda: at_work.scheme.body.state
-        step_subdomain = step_subdomain_of(cells) if not saved or saved["in_district"] else None
+        step_subdomain = step_subdomain_of(cells) if not saved or saved["in_step_subdomain"] else None
         if step_subdomain is not None:
             at_work = step_subdomain.cells
         if saved:
@@ -101,8 +101,8 @@ def mining_step(
 
         def save(state: State, history: History) -> None:
             if checkpoint is not None and not scene.solver.move:
-                in_district = at_work is not cells
-                checkpoint.save(state, history, at_work.model.grid, in_district, at_work.places, at_work.full)
+                in_step_subdomain = at_work is not cells
+                checkpoint.save(state, history, at_work.model.grid, in_step_subdomain, at_work.places, at_work.full)
 
         def run(step_subdomain: StepSubdomain | None) -> tuple[Scheme, bool]:
             refining = at_work if scene.refinement else None
@@ -112,7 +112,7 @@ def mining_step(
 
         if step_subdomain is not None:
             run(step_subdomain)
-            step_subdomain.give_back()
+            step_subdomain.write_back()
             at_work, step_subdomain = cells, None
         scheme, collapsed = run(None)
         if checkpoint is not None:
@@ -121,8 +121,9 @@ def mining_step(
     return finish(scheme, history, step, balance, ramp.target, cells.moved(), ramp.reference, "step", collapsed)
 
 
-class following:
-    """Context of a solution: a progress bar on a terminal, and the last `state` next to the output when it fails."""
+class SolutionMonitor:
+    """Monitor of a solution, a context: a progress bar on a terminal, and the last `state` next to the output when it
+    fails."""
 
     def __init__(self, scene: Scene, name: str, failed_state: Path, state: Callable[[], State] | None = None):
         self.history = History(scene.solver.tolerance)
@@ -211,9 +212,10 @@ def hourglass_energy(body: Body) -> dict[str, float]:
 
 
 def mass_and_momentum(body: Body) -> dict[str, float]:
-    """What must be conserved: mass of rock and fill that are there, kg; net_force, N, which is momentum gained per
-    second: the sum of what is unbalanced at free nodes; momentum_error: sum of the forces of cells on nodes, held
-    ones too, over the sum of their sizes: 0 but for round-off (NaN where particles move, whose cells keep none)."""
+    """Quantities that must be conserved: mass of rock and fill that are there, kg; net_force, N, which is momentum
+    gained per second: the sum of what is unbalanced at free nodes; momentum_error: sum of the forces of cells on nodes,
+    held ones too, over the sum of their sizes: 0 but for round-off (NaN where particles move, whose cells keep
+    none)."""
     model, thickness = body.model, body.model.scene.thickness
     density = np.array([material.density for material in model.scene.materials.values()])
     there = np.maximum(body.volume, model.material_volumes(model.step))

@@ -1,4 +1,4 @@
-"""What acts on a model from outside: mined rock, weight, pressure, lost tractions, loads, a strained boundary."""
+"""The external forces on a model: mined rock, weight, pressure, lost tractions, loads, a strained boundary."""
 
 from collections.abc import Iterator
 
@@ -228,16 +228,16 @@ def strain_reaction(model: Model, strain: np.ndarray, step: int) -> np.ndarray:
     return nodal
 
 
-def measure(change: float, whole: float, tolerance: float) -> float:
-    """What unbalanced forces of a stage are measured by, N: the load size of what it changes, however much has acted
+def reference_force(change: float, whole: float, tolerance: float) -> float:
+    """Reference of the unbalanced forces of a stage, N: the load size of what it changes, however much has acted
     since virgin rock (whole); that, where nothing changes. Never so little that the tolerance is the whole's round-off.
     """
     return max(change, MIN_UNBALANCED_SHARE * whole / tolerance) if change > MIN_UNBALANCED_SHARE * whole else whole
 
 
 def load_size(model: Model, force: np.ndarray, strain: np.ndarray, step: int) -> float:
-    """What unbalanced forces are measured by, N: 2-norm of forces (node, d) at free nodes and, at held ones, of what
-    the strain (d, d) of the boundary causes in elastic rock. Rock that has failed carries less of it."""
+    """Size of a load, the reference of unbalanced forces, N: 2-norm of forces (node, d) at free nodes and, at held
+    ones, of what the strain (d, d) of the boundary causes in elastic rock. Rock that has failed carries less of it."""
     return float(np.hypot(norm(force), norm(strain_reaction(model, strain, step))))
 
 

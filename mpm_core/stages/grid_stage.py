@@ -1,4 +1,4 @@
-"""From solids to the grid of a scene: which cells are refined, which part of each cell is inside which excavation."""
+"""The grid of a scene from its solids: the refined cells, and the part of each cell inside each excavation."""
 
 import json
 import logging
@@ -117,7 +117,7 @@ def cut_pieces(
 def _are_amid_alike(
     index: np.ndarray, kind: np.ndarray, chosen: np.ndarray, box: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
-    """Which chosen ones (k,) of cells have all around them inside a solid, or all outside: (k,) bool. What a distorted
+    """(k,) bool: True where all around a chosen cell (k,) is inside a solid, or all outside. What a distorted
     cell reaches is then as the cell itself.
 
     index (n, d), kind (n,): the finest cells in a box of cells, beyond which all is outside. A cell in it that is not
@@ -171,7 +171,7 @@ def miss(solid: Solid | Outside, cells: GridCells) -> None:
 
 
 def touches(solids: list[Solid | Outside], domain: Domain, level: int, index: np.ndarray) -> np.ndarray:
-    """Which cells (n, d) of a level are not wholly outside these solids: (n,) bool."""
+    """(n,) bool: True where a cell (n, d) of a level is not wholly outside these solids."""
     touched = np.zeros(len(index), bool)
     for solid in solids:
         rest = np.flatnonzero(~touched)
@@ -203,7 +203,7 @@ def compare_volumes(name: str, solid: float, gridded: float, cells: GridCells) -
 
 
 def refuse_under_resolved(names: list[str], share: np.ndarray, size: np.ndarray, cells: GridCells) -> None:
-    """Name excavations that the rock of their cut cells props; raise InputError if hardly any cell is mined wholly.
+    """Warn of under-resolved excavations; raise InputError if hardly any cell is mined wholly.
 
     share (k,): of each one's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything goes.
     """
@@ -359,7 +359,8 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
 
 
 def far_field_attributes(values: GridSlice) -> dict:
-    """Of a derived domain: distance and radius in m, the expected error of wall stress in percent; else nothing."""
+    """Attributes of a derived domain: distance and radius in m, the expected error of wall stress in percent; else
+    nothing."""
     far = values.far_field
     if far is None:
         return {}

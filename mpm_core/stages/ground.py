@@ -1,4 +1,4 @@
-"""The ground of a scene whatever its cells are: what excavations remove of it, and which rock body it is of.
+"""The ground of a scene, independent of its cells: the parts that excavations remove, and the rock bodies.
 
 A step reads its rock on cells that it names. Excavations are known as parts of finest cells (grid.nc), rock bodies
 as solids.
@@ -37,14 +37,14 @@ class Ground:
 
     @classmethod
     def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
-        """Of a scene and the dataset of its grid. Raises InputError for one that an earlier version made."""
+        """The ground of a scene and the dataset of its grid. Raises InputError for one that an earlier version made."""
         if "edge_node_place" not in grid:
             raise InputError("grid.nc was made by an earlier version; run the pipeline from the grid")
         return cls(scene, read_pieces(grid), read_edge_nodes(grid), *read_origin(grid))
 
     @property
     def refinement(self) -> Refinement:
-        """How cells are split in a step: only a scene that says so has its cells split."""
+        """The way in which cells are split in a step: only a scene that says so has its cells split."""
         assert self.scene.refinement is not None
         return self.scene.refinement
 
@@ -75,7 +75,7 @@ class Ground:
             raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
 
     def _mined(self, step: int) -> np.ndarray:
-        """Which parts are of excavations that are mined up to a step, (piece,) bool."""
+        """(piece,) bool: True for parts of excavations that are mined up to a step."""
         mined = np.array([0 <= excavation.mined <= step for excavation in self.scene.excavations] or [False])
         return mined[self.parts.excavation]
 

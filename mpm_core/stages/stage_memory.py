@@ -11,7 +11,7 @@ from common.errors import InputError
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.scene.scene import Scene
 
-LARGEST_SCHEME = "multigrid"  # Schemes that were not measured count as this one, which takes the most memory.
+FALLBACK_SCHEME = "multigrid"  # Schemes that were not measured count as this one, which takes the most memory.
 BASE_BYTES = {"explicit": 0.35e9, "multigrid": 0.45e9}  # Memory of libraries and compiled kernels.
 BYTES_PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
 BYTES_PER_PARTICLE = 360.0
@@ -29,14 +29,14 @@ def stage_bytes(
 ) -> float:
     """Peak memory of a stage of the mechanics, bytes; `elastic`: of the elastic history, not of a mining step;
     `follows`: of a step whose cells follow the rock."""
-    scheme = scheme if scheme in BASE_BYTES else LARGEST_SCHEME
+    scheme = scheme if scheme in BASE_BYTES else FALLBACK_SCHEME
     per_cell = BYTES_PER_CELL[scheme] - (ELASTIC_BYTES_SAVED_PER_CELL[scheme] if elastic else 0.0)
     size = cells * per_cell * (CELL_SHARE_2D if dimension == 2 else 1.0) + particles * BYTES_PER_PARTICLE
     return BASE_BYTES[scheme] + size * (REFINEMENT_MEMORY_FACTOR if follows and not elastic else 1.0)
 
 
 def usable() -> float:
-    """What this process may come to hold: what is free now and what it holds already, bytes."""
+    """Memory that this process may use: what is free now and what it holds already, bytes."""
     return psutil.virtual_memory().available + psutil.Process().memory_info().rss
 
 

@@ -1,6 +1,6 @@
-"""A state carried over to a grid whose cells are those of the old one, or parts of them.
+"""A state transferred to a grid whose cells are those of the old one, or parts of them.
 
-What a split cell knows is its displacement, trilinear between its corners. Its parts take it from there, and as the
+The displacement of a split cell is trilinear between its corners. Its parts take it from there, and as the
 rock in it is intact their stress and hourglass forces are those of elastic rock that has moved so since virgin. A
 uniform strain goes over unchanged; of any other the parts feel more than the one point of the cell did, and are no
 longer in equilibrium. Cells that are not split keep what they have, to the bit.
@@ -25,8 +25,8 @@ NO_SOURCE = -1  # Particle without a source among the old ones.
 
 @dataclass(frozen=True)
 class Cells:
-    """Of a model its grid, the corners of its cells in bit order, and by how much its nodes are moved (node, d), finest
-    cells: what nodal values are carried over from."""
+    """The grid of a model, the corners of its cells in bit order, and the shifts of its nodes (node, d), finest cells:
+    nodal values are transferred from them."""
 
     grid: MultiLevelGrid
     cell_nodes: np.ndarray
@@ -34,7 +34,7 @@ class Cells:
 
     @classmethod
     def of(cls, model: Model) -> "Cells":
-        """Of a model, which they do not keep alive."""
+        """The cells of a model, which they do not keep alive."""
         return cls(model.grid, model.cell_nodes, model.node_shift)
 
 
@@ -114,7 +114,7 @@ def transfer_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.nd
     return result
 
 
-def part_nodes(old: Model, state: State, new: Model) -> None:
+def renumber_nodes(old: Model, state: State, new: Model) -> None:
     """Nodal arrays of a state of a model as those of another on the same cells, whose phantom nodes are others.
 
     A node moves as that of its rock did, where it has rock: fill and void have none of their own.
@@ -132,7 +132,7 @@ def part_nodes(old: Model, state: State, new: Model) -> None:
             setattr(state, name, parted)
 
 
-def part_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
+def renumber_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
     """Nodal forces (node, d) N of a model at the nodes of another on the same cells: of those that stand where one was,
     the first has its force."""
     if new.grid is old.grid:
@@ -146,7 +146,8 @@ def part_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
 
 
 def transfer_unsupported(old: Model, new_index: np.ndarray) -> Unsupported:
-    """What has lost its support, in cells with these lower corners (cell, d), fine units, in Morton order."""
+    """Rock and fill that have lost their support, in cells with these lower corners (cell, d), fine units, in Morton
+    order."""
     unsupported = old.unsupported
     if not len(unsupported.cell):
         return unsupported

@@ -1,4 +1,4 @@
-"""A mining step on the cells that it has now: what it begins with, and the same on finer cells where needed."""
+"""A mining step on its present cells, and its transfer to finer cells where needed."""
 
 import logging
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourgla
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.equilibrium.moving_scheme import MovingScheme
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
-from mpm_core.equilibrium.refinement import MAX_WAITING_SHARE, RINGS_SPLIT_AT_ONCE, Refinement
+from mpm_core.equilibrium.refinement import MAX_WAITING_SHARE, RINGS_SPLIT_AT_ONCE, RefinedCells
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.files.state_datasets import read_grid, read_state, read_unsupported
 from mpm_core.grid.adjacency import face_neighbors
@@ -24,14 +24,14 @@ from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.model.model import Model
 from mpm_core.model.particles import hourglass_modulus
 from mpm_core.model.state import REFINED, State
-from mpm_core.stages.external_forces import boundary_strain, external_force, load_size, measure
+from mpm_core.stages.external_forces import boundary_strain, external_force, load_size, reference_force
 from mpm_core.stages.ground import Ground
 from mpm_core.stages.stage_memory import require_cells
 from mpm_core.stages.state_transfer import (
     Cells,
     elastic_stress,
-    part_forces,
-    part_nodes,
+    renumber_forces,
+    renumber_nodes,
     transfer,
     transfer_forces,
     transfer_nodes,
@@ -56,7 +56,7 @@ def brittle_of(model: Model, volume: np.ndarray, step: int) -> Brittle:
 
 @dataclass
 class StepCells:
-    """What a step has on its cells, replaced as a whole when they are split; the cascade uses it as Refining.
+    """The data of a step on its cells, replaced as a whole when they are split; the cascade uses it as Refining.
 
     start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
     held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
@@ -73,7 +73,7 @@ class StepCells:
     start_cells: Cells
     start_displacement: np.ndarray
     held_up: np.ndarray
-    refinement: Refinement
+    refinement: RefinedCells
     full: bool = False
     elsewhere: int = 0
     places: list[np.ndarray] = field(default_factory=list)
@@ -91,7 +91,7 @@ class StepCells:
         self, model: Model, state: State, brittle: Brittle, fresh: np.ndarray, provisional: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Flagged places (k, d), which need finer cells, and which of fresh particles (k,) fail before that, see
-        Refinement; none and all once there are as many cells as allowed. provisional: equilibrium is not reached to
+        RefinedCells; none and all once there are as many cells as allowed. provisional: equilibrium is not reached to
         the final tolerance."""
         if self.full:
             return np.empty((0, model.dimension), int), fresh
@@ -137,10 +137,10 @@ class StepCells:
         target, before = external_force(model, self.step), max(self.step - 1, 0)
         lasting = lasting_force(model, before) if before < self.step else target
         start = lasting + transfer_forces(self.start_cells, self.held_up, model)
-        reference = measured_by(model, start, target, self.ramp.strain, self.step)
+        reference = step_reference_force(model, start, target, self.ramp.strain, self.step)
         self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
         self.brittle = brittle_of(model, volume, self.step)
-        self.refinement = Refinement.of(grid)
+        self.refinement = RefinedCells.of(grid)
         self.displacement_before = transfer_nodes(self.start_cells, self.start_displacement, model)
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
         state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
@@ -158,7 +158,7 @@ class StepCells:
         self.scheme = make_scheme(body.model, body.state, body.volume)
 
     def moved(self) -> np.ndarray:
-        """How far nodes (node, d) have moved in this step, m."""
+        """Motion of the nodes in this step, (node, d) m."""
         return self.scheme.body.state.displacement - self.displacement_before
 
 
@@ -181,7 +181,7 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
             scheme.set_volume(volume)
         else:
             scheme.drop_work_arrays()
-            start, lasting = part_forces(model, start, mined), part_forces(model, lasting, mined)
+            start, lasting = renumber_forces(model, start, mined), renumber_forces(model, lasting, mined)
             follow_walls(model, mined, state)
             if mined.unheld > model.unheld:
                 logging.warning(
@@ -194,10 +194,10 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
     start -= scheme.body.internal_force()
     more_strain = boundary_strain(scene, step) - boundary_strain(scene, before)
-    ramp = Ramp(start, target, more_strain, measured_by(model, start, target, more_strain, step))
+    ramp = Ramp(start, target, more_strain, step_reference_force(model, start, target, more_strain, step))
     cells = StepCells(
         ground, scheme, brittle_of(model, volume, step), ramp, step, Cells.of(model), state.displacement.copy(),
-        start - lasting, Refinement.of(model.grid),
+        start - lasting, RefinedCells.of(model.grid),
     )  # fmt: skip
     return cells, balance
 
@@ -205,18 +205,20 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
 def lasting_force(model: Model, before: int) -> np.ndarray:
     """Forces (node, d) N of all up to a step before that of the model, at the model's nodes."""
     earlier = model.at(before)
-    return part_forces(earlier, external_force(earlier, before), model)
+    return renumber_forces(earlier, external_force(earlier, before), model)
 
 
-def measured_by(model: Model, start: np.ndarray, target: np.ndarray, more_strain: np.ndarray, step: int) -> float:
-    """What unbalanced forces of a step are measured by on the cells of a model, N, see external_forces.measure.
+def step_reference_force(
+    model: Model, start: np.ndarray, target: np.ndarray, more_strain: np.ndarray, step: int
+) -> float:
+    """Reference of the unbalanced forces of a step on the cells of a model, N, see external_forces.reference_force.
 
     start, target (node, d) N: of its ramp; more_strain (d, d): of its boundary. On finer cells the same load is shared
     by more nodes, and its 2-norm is smaller.
     """
     change = load_size(model, np.where(model.held, 0.0, target - start), more_strain, step)
     whole = load_size(model, target, boundary_strain(model.scene, step), step)
-    return measure(change, whole, model.scene.solver.tolerance)
+    return reference_force(change, whole, model.scene.solver.tolerance)
 
 
 def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History) -> Scheme:
@@ -225,7 +227,7 @@ def start_of(ground: Ground, previous: xr.Dataset, before: int, history: History
     if is_split:
         scene, model = ground.scene, scheme.body.model
         force, strain = external_force(model, before), boundary_strain(scene, before)
-        scheme.relax(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
+        scheme.reach_equilibrium(force, scene.solver.tolerance, load_size(model, force, strain, before), history)
         scheme.body.commit()
         scheme.body.state.energy[:] = 0.0  # of cells that are other ones now: no part of what the step does
     return scheme
@@ -256,7 +258,7 @@ def follow_walls(old: Model, new: Model, state: State) -> None:
     Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress. Nodes of
     their own that walls get are where the one was that they shared.
     """
-    part_nodes(old, state, new)
+    renumber_nodes(old, state, new)
     state.position = new.particles.position
     was, now = old.particles.row, new.particles.row
     own = np.flatnonzero((was != now) | (now >= new.particles.shared_rows))  # the others have the same row of a table

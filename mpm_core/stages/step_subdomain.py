@@ -1,10 +1,10 @@
 """The subdomain of a mine that a step changes: blocks of space around what it mines, held still at their border.
 
-A month's mining is felt some widths away. There its load is applied, increment by increment, and there rock fails and
-cells are split, at the cost of that rock; what is beyond stays as it is. Then the whole mine reaches equilibrium, with
-the border free again, and what it lets fail then fails as ever: so the whole has the last word on equilibrium and on
-failure, and the subdomain, like a part of the mine (equilibrium/subdomain.py), only says on which way they are reached.
-The whole is set up at a step's start, and once more where cells were split.
+The effect of a month's mining reaches some widths. There its load is applied, increment by increment, and there rock
+fails and cells are split, at the cost of that rock; what is beyond stays as it is. Then the whole mine reaches
+equilibrium, with the border free again, and what it lets fail then fails as ever: so the whole has the last word on
+equilibrium and on failure, and the subdomain, like one around failed rock (equilibrium/subdomain.py), only determines
+the path on which they are reached. The whole is set up at a step's start, and once more where cells were split.
 
 What a patch of half-width a changes decays as (a / distance)^d. Rock near the border waits for
 the whole. Where much of it waits the subdomain is too small, and the step goes on in the whole after that increment.
@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mpm_core.equilibrium.cascade import needs_whole_mine
-from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
-from mpm_core.equilibrium.scheme import SchemeInParts
+from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, RefinedCells
+from mpm_core.equilibrium.scheme import SchemeWithSubdomains
 from mpm_core.equilibrium.subdomain import Cubes, Surroundings
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import corner_offsets
@@ -27,7 +27,7 @@ from mpm_core.grid.octree import parents
 from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import FinestPieces, Unsupported
-from mpm_core.model.state import State, copy_from_part, copy_to_part
+from mpm_core.model.state import State, copy_from_subdomain, copy_to_subdomain
 from mpm_core.stages.state_transfer import Cells
 from mpm_core.stages.step_cells import StepCells, brittle_of, make_scheme
 
@@ -44,7 +44,7 @@ MIN_BLOCK_HALVINGS = 3  # A block's edge is at least a finest cell's, doubled th
 
 @dataclass(frozen=True)
 class Blocks:
-    """Which blocks of space a subdomain has: chosen (blocks along each axis) bool, of 2^halvings finest cells; within
+    """The blocks of space of a subdomain: chosen (blocks along each axis) bool, of 2^halvings finest cells; within
     so many cubes (Cubes), margin, of their border rock does not fail."""
 
     chosen: np.ndarray
@@ -52,7 +52,7 @@ class Blocks:
     margin: int = 0
 
     def hold(self, places: np.ndarray) -> np.ndarray:
-        """Whether they hold places (k, d), fine units: (k,) bool."""
+        """(k,) bool: True where they hold a place (k, d), fine units."""
         return self.chosen[tuple((places >> self.halvings).T)]
 
     def of(self, grid: MultiLevelGrid) -> MultiLevelGrid:
@@ -81,7 +81,7 @@ def blocks_around(grid: MultiLevelGrid, changed: np.ndarray) -> Blocks:
 
 
 def _cuts_cells(grid: MultiLevelGrid, chosen: np.ndarray, halvings: int) -> bool:
-    """Whether a chosen block, of 2^halvings finest cells, is a part of a larger cell."""
+    """True if a chosen block, of 2^halvings finest cells, is a part of a larger cell."""
     for larger in range(halvings + 1, grid.levels):
         chosen = parents(chosen)
         cells = grid.cell_index[grid.cell_level == grid.levels - 1 - larger]
@@ -109,27 +109,27 @@ class StepSubdomain:
         places = _places(model, own, inside)
         whole.scheme.drop_work_arrays()  # the memory is needed; it is set up again in the end
         at_start = own.virgin_state()
-        copy_to_part(state, at_start, places)
+        copy_to_subdomain(state, at_start, places)
         volume = own.volumes(whole.step)
         self.share = len(own.cell_nodes) / len(model.cell_nodes)
         self.cells = StepCells(
             ground, make_scheme(own, at_start, volume), brittle_of(own, volume, whole.step),
             replace(ramp, start=ramp.start[places["node"]], target=ramp.target[places["node"]]), whole.step,
-            Cells.of(own), at_start.displacement.copy(), whole.held_up[places["node"]], Refinement.of(own.grid),
+            Cells.of(own), at_start.displacement.copy(), whole.held_up[places["node"]], RefinedCells.of(own.grid),
             elsewhere=len(model.cell_nodes) - len(own.cell_nodes),
         )  # fmt: skip
         cubes = Cubes(own.grid)
         self.surroundings = Surroundings(cubes, cubes.present, np.arange(cubes.cells))
 
     def far_from_border(self, fresh: np.ndarray) -> np.ndarray:
-        """Those of the subdomain's particles (k,) that do not lie near its border."""
+        """Particles (k,) of the subdomain that do not lie near its border."""
         model, state = self.cells.model, self.cells.scheme.body.state
         near = self.surroundings.reach_beyond(model.grid.cell_index[model.particles.cell[fresh]], self.blocks.margin)
         failed = np.count_nonzero(state.failed == self.cells.step) + len(fresh)
         self.waits = self.cells.full or bool(np.count_nonzero(near) > MAX_NEAR_BORDER_SHARE * failed)
         return fresh[~near]
 
-    def give_back(self) -> None:
+    def write_back(self) -> None:
         """Take over into the whole mine what has happened in the subdomain, which is in equilibrium."""
         own, whole = self.cells, self.whole
         own.scheme.body.commit()
@@ -140,8 +140,8 @@ class StepSubdomain:
         else:
             whole.renew()
         inside = self.blocks.hold(whole.model.grid.cell_index)
-        assert isinstance(whole.scheme, SchemeInParts)  # checked by step_subdomain_of
-        whole.scheme.take_back(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))
+        assert isinstance(whole.scheme, SchemeWithSubdomains)  # checked by step_subdomain_of
+        whole.scheme.take_over(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))
 
 
 @dataclass(frozen=True)
@@ -153,12 +153,12 @@ class _Excerpt:
 
     @property
     def cells(self) -> np.ndarray:
-        """Of the whole mine, (k,)."""
+        """Indices (k,) of the cells in the whole mine."""
         return self.places["cell"]
 
-    def give_back(self, state: State) -> None:
+    def write_back(self, state: State) -> None:
         """Write it into the state of the whole mine."""
-        copy_from_part(self.state, state, self.places)
+        copy_from_subdomain(self.state, state, self.places)
 
 
 def step_subdomain_of(whole: StepCells) -> StepSubdomain | None:
@@ -168,7 +168,7 @@ def step_subdomain_of(whole: StepCells) -> StepSubdomain | None:
     needed (the last state in equilibrium, the weakest rock), and where loads or strains act on what may be beyond.
     """
     model, scene = whole.model, whole.ground.scene
-    in_parts = isinstance(whole.scheme, SchemeInParts) and not needs_whole_mine(scene.solver)
+    in_parts = isinstance(whole.scheme, SchemeWithSubdomains) and not needs_whole_mine(scene.solver)
     if not in_parts or scene.loads or scene.strains or whole.step == 0 or len(model.cell_nodes) < MIN_MINE_CELLS:
         return None
     change = np.abs(whole.ramp.target - whole.ramp.start).max(axis=1)
@@ -201,7 +201,7 @@ def _moved_as_in(grid: MultiLevelGrid, nodes: EdgeNodes, blocks: Blocks) -> Edge
 
 
 def _unsupported_inside(unsupported: Unsupported, inside: np.ndarray) -> Unsupported:
-    """What has lost its support in some cells (cell,) bool, numbered among them."""
+    """Rock and fill that have lost their support in some cells (cell,) bool, numbered among them."""
     chosen = inside[unsupported.cell]
     number = np.cumsum(inside) - 1
     own = {name: column[chosen] for name, column in vars(unsupported).items()}
@@ -209,7 +209,8 @@ def _unsupported_inside(unsupported: Unsupported, inside: np.ndarray) -> Unsuppo
 
 
 def _places(whole: Model, own: Model, inside: np.ndarray) -> dict[str, np.ndarray]:
-    """What cells, nodes and particles of the whole the subdomain has, by dimension; inside (cell,) bool: its cells.
+    """The cells, nodes and particles of the whole mine that the subdomain has, by dimension; inside (cell,) bool: its
+    cells.
 
     Both are in Morton order, and particles in that of cells and excavations.
     """

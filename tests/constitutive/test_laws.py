@@ -30,7 +30,7 @@ VON_MISES = {key: FILL[key] for key in ("youngs_modulus", "poisson_ratio", "dens
 }
 MIXTURE = mix(coulomb, von_mises)
 OFFERED = ("NAME", "Material", "ROW_LENGTH", "strength_rows", "cohesion", "overstress_of_tensor", "surely_admissible",
-           "overstress", "return_to_surface", "return_lanes", "fallen_stiffness", "strength_factor",
+           "overstress", "return_to_surface", "return_lanes", "stiffness_reduction", "strength_factor",
            "excess_shear_stress", "strength_size", "gains_energy")  # fmt: skip
 
 
@@ -111,8 +111,8 @@ def test_a_mixture_does_what_its_law_does(law):
             assert getattr(MIXTURE, name)(*stress, mixed) == getattr(law, name)(*stress, own)
         returned = law.return_to_surface(*stress, *ROCK, own)
         assert MIXTURE.return_to_surface(*stress, *ROCK, mixed) == returned
-        yielding += law.fallen_stiffness(*stress, *ROCK, own, one)
-        MIXTURE.fallen_stiffness(*stress, *ROCK, mixed, other)
+        yielding += law.stiffness_reduction(*stress, *ROCK, own, one)
+        MIXTURE.stiffness_reduction(*stress, *ROCK, mixed, other)
         np.testing.assert_array_equal(one, other)
         assert law.overstress(*stress, own) == pytest.approx(law.overstress_of_tensor(matrix(stress), row), abs=1e-5)
     assert 20 < yielding < 100

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mpm_core.constitutive.general import tangent_by_differences
-from mpm_core.constitutive.laws.coulomb import fallen_stiffness, return_to_surface
+from mpm_core.constitutive.laws.coulomb import return_to_surface, stiffness_reduction
 from mpm_core.constitutive.strength import strength_row
 
 LAME, SHEAR = 20e9, 25e9
@@ -35,7 +35,7 @@ def test_tangent_is_the_slope_of_the_return(strength):
         stress[:3] += 10.0 ** random.uniform(5, 8) * random.choice([-1.0, 1.0], p=[0.8, 0.2])
         strain = random.normal(size=6)
         strain *= 1e-7 * np.abs(stress).max() / SHEAR / np.linalg.norm(strain)
-        if fallen_stiffness(*stress, LAME, SHEAR, row, matrix):
+        if stiffness_reduction(*stress, LAME, SHEAR, row, matrix):
             yielding += 1
             slope = (fallen(stress, strain, row) - fallen(stress, -strain, row)) / 2.0
             assert np.abs(slope - matrix @ strain).max() < 1e-7 * SHEAR * np.linalg.norm(strain)
@@ -50,7 +50,7 @@ def test_differences_of_the_return_are_its_tangent():
     row, one, other, yielding = tuple(strength_row(30.0, 10.0, 5e6, 1e6)), np.zeros((6, 6)), np.zeros((6, 6)), 0
     for _ in range(300):
         stress = random.normal(size=6) * 1e7 - np.array([2e7, 2e7, 2e7, 0, 0, 0])
-        yields = fallen_stiffness(*stress, LAME, SHEAR, row, one)
+        yields = stiffness_reduction(*stress, LAME, SHEAR, row, one)
         assert by_differences(*stress, LAME, SHEAR, row, other) == yields
         if yields:
             yielding += 1
@@ -63,6 +63,6 @@ def test_associated_flow_has_a_symmetric_tangent():
     stress, sizes = np.array([-2e6, -60e6, -25e6, 3e6, -2e6, 8e6]), []
     for dilation in (30.0, 10.0):
         matrix = np.zeros((6, 6))
-        assert fallen_stiffness(*stress, LAME, SHEAR, tuple(strength_row(30.0, dilation, 1e6)), matrix)
+        assert stiffness_reduction(*stress, LAME, SHEAR, tuple(strength_row(30.0, dilation, 1e6)), matrix)
         sizes.append(np.abs(matrix - matrix.T).max() / np.abs(matrix).max())
     assert sizes[0] < 1e-8 < 1e-2 < sizes[1]

@@ -162,7 +162,7 @@ def solve(model: Model, tolerance: float = 1e-6, step: int = 0) -> tuple[Explici
     scheme = ExplicitScheme(model, model.virgin_state(), model.volumes(step))
     force = external_force(model, step)
     history = History(tolerance)
-    scheme.relax(force, tolerance, float(np.linalg.norm(force)), history)
+    scheme.reach_equilibrium(force, tolerance, float(np.linalg.norm(force)), history)
     return scheme, history
 
 

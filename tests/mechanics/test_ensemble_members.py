@@ -76,14 +76,17 @@ def test_a_member_fails_what_stands_above_its_own_threshold():
     brittle = find_brittle(model, model.volumes(0), 0, *face_neighbors(model.grid))
     state, cells = model.virgin_state(), np.array([3, 6, 9])
     row = model.intact_rows[0]
-    borne = brittle.borne[cells] + strength_margin(row, [0.0] * 6, [-row[2], 0, 0, 0, 0, 0])
-    state.stress[cells, 0] = -(row[2] + np.array([0.0, 0.5, 1.5]) * borne)
+    threshold = brittle.tolerated_overstress[cells] + strength_margin(row, [0.0] * 6, [-row[2], 0, 0, 0, 0, 0])
+    state.stress[cells, 0] = -(row[2] + np.array([0.0, 0.5, 1.5]) * threshold)
     assert new_failures(model, state, brittle).tolist() == [9]
     state.stress[cells, 0] -= 1e6
     assert above_strength(model, state, np.arange(16)).tolist() == cells.tolist()
     assert new_failures(model, state, brittle).tolist() == cells.tolist()
-    above = 1e6 + np.array([0.0, 0.5, 1.5]) * borne
-    for allowed, expected in ((None, above), (brittle.borne, above - brittle.borne[cells])):
+    above = 1e6 + np.array([0.0, 0.5, 1.5]) * threshold
+    for allowed, expected in (
+        (None, above),
+        (brittle.tolerated_overstress, above - brittle.tolerated_overstress[cells]),
+    ):
         assert weakest(model, state, cells, 1.0, allowed).tolist() == [cells[expected.argmax()]]
 
 
@@ -167,8 +170,8 @@ def test_after_a_members_cascade_no_rock_stands_above_its_threshold_and_failed_r
     assert facts["failed_particles"] > 20
     row = model.intact_rows[0]
     for p in brittle.sound[failed[brittle.sound] < 0]:
-        borne = brittle.borne[p] + strength_margin(row, model.insitu[p], stress[p]) + 1.0
-        assert overstress(*stress[p], row) <= borne
+        threshold = brittle.tolerated_overstress[p] + strength_margin(row, model.insitu[p], stress[p]) + 1.0
+        assert overstress(*stress[p], row) <= threshold
     for p in np.flatnonzero((failed >= 0) & (state.volume.values > 0.0)):
         assert overstress(*stress[p], model.residual_rows[0]) <= 1.0
 

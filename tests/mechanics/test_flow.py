@@ -10,7 +10,7 @@ from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.strength import strength_row
 from mpm_core.kernels.energy_sums import make_flow_energy
-from mpm_core.kernels.resting import take_back_flow
+from mpm_core.kernels.resting import undo_flow
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 CONSTANTS = np.array([[20e9, 10e9], [1e9, 2e9]])  # lambda, mu
@@ -40,7 +40,7 @@ def test_flow_is_taken_back_through_hooke_and_twice_is_once():
     strain_after = strain.copy()
     strain_after[some] = start
     for _ in range(2):
-        take_back_flow(some, start, material, CONSTANTS, stress, strain)
+        undo_flow(some, start, material, CONSTANTS, stress, strain)
         np.testing.assert_allclose(stress, expected, rtol=1e-14)
         np.testing.assert_array_equal(strain, strain_after)
 

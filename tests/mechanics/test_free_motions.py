@@ -71,7 +71,7 @@ def test_all_mixes_of_faces_come_to_rest(dimension, count, stress, caplog):
             continue
         volume, history = model.volumes(0), History(1e-6)
         scheme = MultigridScheme(model, model.virgin_state(), volume)
-        scheme.relax(force, 1e-6, norm(force), history)
+        scheme.reach_equilibrium(force, 1e-6, norm(force), history)
         assert history.iteration <= 12, boundary
         assert np.abs(scheme.body.state.displacement).max() < 0.1, boundary  # a square block bent by 30 MPa: 12 p h / E
         free = model.free_motions(model.attached_nodes(volume)).at(model.grid.node_position)
@@ -94,7 +94,7 @@ def test_both_schemes_agree_where_motions_are_free(dimension, number):
     volume, force = model.volumes(0), external_force(model, 0)
     schemes = [kind(model, model.virgin_state(), volume) for kind in (ExplicitScheme, MultigridScheme)]
     for scheme in schemes:
-        scheme.relax(force, 1e-7, norm(force), History(1e-7))
+        scheme.reach_equilibrium(force, 1e-7, norm(force), History(1e-7))
     one, other = schemes
     present = volume > 0.0
     assert np.abs(one.body.state.stress - other.body.state.stress)[present].max() < 1e-5 * 30e6
@@ -117,7 +117,7 @@ def test_forces_along_what_is_free_are_refused_by_name():
     model = model_under(0.0, 0.0, -1e6)
     force = external_force(model, 0)
     scheme = MultigridScheme(model, model.virgin_state(), model.volumes(0))
-    scheme.relax(force, 1e-6, norm(force), History(1e-6))
+    scheme.reach_equilibrium(force, 1e-6, norm(force), History(1e-6))
     assert scheme.body.state.displacement[:, 1].min() < 0.0
 
 

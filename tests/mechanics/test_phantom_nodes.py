@@ -23,7 +23,7 @@ from mpm_core.files.state_datasets import read_grid
 from mpm_core.geometry.sampling import SAMPLES_PER_CELL
 from mpm_core.model import phantom_nodes
 from mpm_core.model.occupancy import ALL_SAMPLES
-from mpm_core.model.phantom_nodes import Parting
+from mpm_core.model.phantom_nodes import PhantomNodes
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.external_forces import external_force
 
@@ -156,7 +156,9 @@ def energy(shape, scene, tmp_path, levels=3) -> float:
 def test_a_narrow_slot_releases_what_fine_cells_do(tmp_path, monkeypatch):
     """Within 8 %; with shared nodes it is 40 % too little at least."""
     fine, own = (energy(SLOT, scene_of(), tmp_path, levels) for levels in (6, 3))
-    monkeypatch.setattr("mpm_core.model.model.part", lambda grid, *rest: Parting(grid, np.empty((0, 3), np.int64), 0))
+    monkeypatch.setattr(
+        "mpm_core.model.model.with_phantom_nodes", lambda grid, *rest: PhantomNodes(grid, np.empty((0, 3), np.int64), 0)
+    )
     shared = energy(SLOT, scene_of(), tmp_path)
     assert own == pytest.approx(fine, rel=0.08)
     assert shared < 0.6 * fine

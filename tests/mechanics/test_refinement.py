@@ -19,7 +19,7 @@ from mechanics.scenes import (
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
 from mpm_core.equilibrium.convergence import NoEquilibrium
-from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, Refinement
+from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, RefinedCells
 from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.splitting import split
@@ -197,9 +197,9 @@ def test_virgin_rock_near_its_strength_asks_for_nothing():
     assert len(brittle.coarse)
     assert len(above_strength(model, state, brittle.coarse)) == 0
     nothing = np.empty(0, np.int64)
-    assert len(Refinement.of(grid).flagged(model, state, brittle, nothing, 1000)[0]) == 0
+    assert len(RefinedCells.of(grid).flagged(model, state, brittle, nothing, 1000)[0]) == 0
     state.stress[brittle.coarse[0], 0] = -1e6
-    assert len(Refinement.of(grid).flagged(model, state, brittle, nothing, 1000)[0])
+    assert len(RefinedCells.of(grid).flagged(model, state, brittle, nothing, 1000)[0])
 
 
 def around_a_hole():
@@ -215,7 +215,7 @@ def test_rock_at_the_edge_of_the_fine_cells_waits_for_a_split_that_is_worth_it()
     """One family at the edge of the fine cells, in a large mine and in a small one; rock within fails at once."""
     model, brittle, inside, edge = around_a_hole()
     grid, state = model.grid, model.virgin_state()
-    fresh, now = np.array([inside, edge]), Refinement.of(grid)
+    fresh, now = np.array([inside, edge]), RefinedCells.of(grid)
     for cells, waiting in ((10**6, [edge]), (10, [inside, edge])):
         places, first = now.flagged(model, state, brittle, fresh, cells)
         assert np.array_equal(places, grid.cell_index[[edge]] >> 1)
@@ -230,7 +230,7 @@ def test_little_rock_waits_without_a_split_while_another_look_follows(tmp_path, 
     as all the finest ones in it. In the end nothing has waited: no rock above strength is coarse."""
     model, brittle, inside, edge = around_a_hole()
     grid, state = model.grid, model.virgin_state()
-    fresh, now = np.array([inside, edge]), Refinement.of(grid)
+    fresh, now = np.array([inside, edge]), RefinedCells.of(grid)
     places, first = now.flagged(model, state, brittle, fresh, 10**6, patience=1.0)
     assert not len(places)
     assert np.array_equal(first, [inside])
@@ -258,7 +258,7 @@ def test_a_grid_without_fine_cells_gets_them_where_rock_is_near_its_strength():
     state = model.virgin_state()
     cell = np.flatnonzero((grid.cell_index == 8).all(axis=1))[0]
     state.stress[cell, 0] = -100e6
-    places, _ = Refinement.of(grid).flagged(model, state, brittle, np.empty(0, np.int64), len(grid.cell_level))
+    places, _ = RefinedCells.of(grid).flagged(model, state, brittle, np.empty(0, np.int64), len(grid.cell_level))
     finer = split(grid, places, RINGS_SPLIT_AT_ONCE, 1)
     inside = ((finer.cell_index >= 8) & (finer.cell_index < 16)).all(axis=1)
     assert (finer.cell_level[inside] == 3).all()
@@ -279,8 +279,8 @@ def test_a_collapse_right_after_a_split_goes_back_to_the_cells_of_now(tmp_path, 
             raise NoEquilibrium("never")
         return real(scheme, external, tolerance, reference, history)
 
-    real = cascade.reach_equilibrium
-    monkeypatch.setattr(cascade, "reach_equilibrium", no_rest)
+    real = cascade.balance_split_cells
+    monkeypatch.setattr(cascade, "balance_split_cells", no_rest)
     scene = adaptive_scene(solver=BRITTLE | {"collapse": "keep"})
     state, facts = run(scene, grid_of(HOLES[:1], rings=0), tmp_path)
     assert facts["collapsed"] == 1

@@ -7,7 +7,7 @@ from mechanics.scenes import COULOMB, ball, excavation, grid_around, make_model,
 from mpm_core.equilibrium.convergence import History
 from mpm_core.files.state_datasets import read_state, state_dataset
 from mpm_core.model.model import Model
-from mpm_core.model.state import ARRAYS, Extent, State, keep, put_back
+from mpm_core.model.state import ARRAYS, Extent, State, restore, snapshot
 from mpm_core.stages.checkpoint import Checkpoint
 
 
@@ -62,7 +62,7 @@ def test_what_was_kept_comes_back_whatever_has_changed_and_failed_since(moving):
     model, state = random_state(3)
     state.position, state.cell = state.position.copy(), state.cell.copy()
     expected = {name: getattr(state, name).copy() for name in ARRAYS}
-    kept = keep(state, moving)
+    kept = snapshot(state, moving)
     assert ("plastic_strain" in kept) == moving
     random = np.random.default_rng(5)
     state.failed[random.random(model.particles.count) < 0.3] = 1
@@ -71,11 +71,11 @@ def test_what_was_kept_comes_back_whatever_has_changed_and_failed_since(moving):
             getattr(state, name)[...] += 1
         elif array.changes is Extent.FAILED:
             getattr(state, name)[state.failed >= 0] += 1
-    later = {name: value.copy() for name, value in keep(state, moving).items()}
-    put_back(kept, state)
+    later = {name: value.copy() for name, value in snapshot(state, moving).items()}
+    restore(kept, state)
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(state, name), expected[name], err_msg=name)
-    again = keep(state, moving, into=later)
+    again = snapshot(state, moving, into=later)
     assert again["stress"] is later["stress"]
     for name, value in kept.items():
         np.testing.assert_array_equal(again[name], value, err_msg=name)

@@ -210,7 +210,7 @@ def test_a_step_killed_in_its_subdomain_or_after_it_ends_in_the_same_bytes(split
         with pytest.raises(Killed):
             mining_step(*start, tmp_path / "f.npz", dying)
         if left == 1:
-            assert np.load(path)["in_district"] == (holes == "holes")
+            assert np.load(path)["in_step_subdomain"] == (holes == "holes")
         resumed, _ = mining_step(*start, tmp_path / "f.npz", Checkpoint(path, "inputs"))
         write_dataset(resumed, tmp_path / "resumed.nc")
         assert (tmp_path / "resumed.nc").read_bytes() == (tmp_path / "whole.nc").read_bytes()

@@ -81,7 +81,7 @@ def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
 
 
 return_lanes = lane_by_lane(return_to_surface)
-fallen_stiffness = tangent_by_differences(return_to_surface)
+stiffness_reduction = tangent_by_differences(return_to_surface)
 
 
 @njit(error_model="numpy")

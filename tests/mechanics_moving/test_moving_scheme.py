@@ -43,7 +43,7 @@ def test_a_long_relaxation_is_settled_on_its_way(monkeypatch):
     for often in (explicit_scheme.ITERATIONS_PER_FLOW_COUNT, explicit_scheme.ITERATIONS_PER_CHECK):
         monkeypatch.setattr(explicit_scheme, "ITERATIONS_PER_FLOW_COUNT", often)
         scheme, history = MovingScheme(model, model.virgin_state(), model.volumes(0)), History(1e-6)
-        scheme.relax(force, 1e-6, norm(force), history)
+        scheme.reach_equilibrium(force, 1e-6, norm(force), history)
         assert history.iteration > explicit_scheme.ITERATIONS_PER_CHECK
         stresses.append(scheme.body.state.stress)
     np.testing.assert_array_equal(*stresses)
@@ -69,7 +69,7 @@ def test_tiny_displacement_rests_where_the_resting_scheme_does(dimension, cut_ce
     states = []
     for scheme_class in (ExplicitScheme, MovingScheme):
         scheme = scheme_class(model, model.virgin_state(), volume)
-        scheme.relax(force, 1e-9, norm(force), History(1e-9))
+        scheme.reach_equilibrium(force, 1e-9, norm(force), History(1e-9))
         states.append(scheme.body.state)
     resting, moving = states
     there = volume > 0.0
@@ -98,9 +98,9 @@ def test_comes_to_rest_with_scaled_and_with_true_density(scaling):
     model = make_model(scene, grid, [shape])
     scheme = MovingScheme(model, model.virgin_state(), model.volumes(0))
     force, history = external_force(model, 0), History(1e-5)
-    scheme.relax(force, 1e-5, norm(force), history)
+    scheme.reach_equilibrium(force, 1e-5, norm(force), history)
     reference = ExplicitScheme(model, model.virgin_state(), model.volumes(0))
-    reference.relax(force, 1e-5, norm(force), History(1e-5))
+    reference.reach_equilibrium(force, 1e-5, norm(force), History(1e-5))
     assert np.abs(scheme.body.state.displacement).max() == pytest.approx(
         np.abs(reference.body.state.displacement).max(), rel=0.01
     )
@@ -112,7 +112,7 @@ def test_virgin_rock_with_particles_that_may_move_stays():
     scene = make_scene("xz", host=COULOMB, stress=uniform(-10e6, -20e6, -15e6), particles_per_cell=2)
     model = make_model(scene, grid)
     scheme = MovingScheme(model, model.virgin_state(), model.volumes(0))
-    scheme.relax(external_force(model, 0), 1e-6, 0.0, History(1e-6))
+    scheme.reach_equilibrium(external_force(model, 0), 1e-6, 0.0, History(1e-6))
     assert not scheme.body.state.displacement.any()
     assert not scheme.body.state.stress.any()
 

@@ -40,7 +40,7 @@ def test_forces_of_flow_are_those_of_the_explicit_scheme(dimension, points, cut_
     solver, flow = multigrid.solver, multigrid._flow_forces()
     values, elastic, fallen = solver.to_rows(motion), solver.operator.zeros(), solver.operator.zeros()
     solver.operator.apply(values, elastic)
-    flow.begin(multigrid.body.state, multigrid.body.take_back_flow)
+    flow.begin(multigrid.body.state, multigrid.body.undo_flow)
     flow.add(values, fallen)
     solver.operator.collect(fallen)
     obtained = np.empty_like(motion)

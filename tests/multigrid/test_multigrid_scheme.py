@@ -23,7 +23,7 @@ def at_rest(kind, model, volume, state, tolerance=1e-9, parts=1):
     scheme, history = kind(model, state, volume), History(tolerance)
     force = external_force(model, 0)
     for part in range(1, parts + 1):
-        scheme.relax(force * part / parts, tolerance, norm(force), history)
+        scheme.reach_equilibrium(force * part / parts, tolerance, norm(force), history)
     return scheme, history
 
 

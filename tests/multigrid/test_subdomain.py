@@ -10,7 +10,7 @@ import xarray as xr
 
 from mpm_core.equilibrium import cascade, subdomain
 from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures
-from mpm_core.equilibrium.cascade import relax_and_fail
+from mpm_core.equilibrium.cascade import run_generations
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from mpm_core.equilibrium.subdomain import CUBE_HALVINGS
@@ -60,7 +60,7 @@ def with_failure(dimension: int, **scene):
     model = make_model(scene, grid, shapes)
     volume, state = model.volumes(0), model.virgin_state()
     scheme, force = MultigridScheme(model, state, volume), external_force(model, 0)
-    scheme.relax(force, 1e-9, norm(force), History(1e-9))
+    scheme.reach_equilibrium(force, 1e-9, norm(force), History(1e-9))
     brittle = find_brittle(model, volume, 0, *face_neighbors(grid))
     fresh = new_failures(model, state, brittle)
     fresh = fresh[model.particles.position[fresh, 0] < 30.0][:7]
@@ -75,14 +75,14 @@ def test_a_part_at_rest_is_at_rest_in_the_mine_but_for_its_border(dimension, poi
     """In the whole, only nodes that the part shares with other cells are unbalanced then; no other node has moved."""
     scheme, brittle, fresh, force = with_failure(dimension, particles_per_cell=points, boundary=boundary)
     before = scheme.body.state.displacement.copy()
-    part = scheme.part_around(brittle, fresh)
+    part = scheme.subdomain_around(brittle, fresh)
     own = scheme.scheme_of(part)
     assert len(part.cells) < 0.5 * len(scheme.body.model.cell_nodes)
     history = History(1e-9)
-    own.relax(force[part.nodes], 1e-9, norm(force), history)
+    own.reach_equilibrium(force[part.nodes], 1e-9, norm(force), history)
     assert history.iteration <= 60  # 45, 20, 10, 10; up to 1671 if coarse grids move the border
     own.body.commit()
-    scheme.take_back(part)
+    scheme.take_over(part)
 
     moved = np.flatnonzero((scheme.body.state.displacement != before).any(axis=1))
     assert set(moved) <= set(part.nodes[~part.model.held.any(axis=1)])
@@ -99,7 +99,7 @@ def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
     """Each cell has the same place, corners, particles, neighbours in the part, and rock that may fail."""
     scheme, brittle, fresh, _ = with_failure(dimension, cut_cells=cut_cells)
     whole, state = scheme.body.model, scheme.body.state
-    part = scheme.part_around(brittle, fresh)
+    part = scheme.subdomain_around(brittle, fresh)
     model, tables = part.model, whole.particles
     assert 0 < part.model.particles.count < tables.count
     for name in ("cell_index", "cell_level"):
@@ -137,7 +137,7 @@ def test_hourglass_patterns_of_a_part_are_those_of_the_mine():
     cells = np.arange(0, len(whole.cell_nodes), 3, dtype=np.int32)
     corners = corner_offsets(3) + np.random.default_rng(3).uniform(-0.2, 0.2, (len(cells), 8, 3))
     scheme.model = replace(whole, particles=replace(whole.particles, distorted=DistortedCells(cells, corners)))
-    model = scheme.part_around(brittle, fresh).model
+    model = scheme.subdomain_around(brittle, fresh).model
     assert 0 < len(model.particles.distorted.cell) < len(cells)
     np.testing.assert_array_equal(replace(model).hourglass_patterns, model.hourglass_patterns)
 
@@ -145,7 +145,7 @@ def test_hourglass_patterns_of_a_part_are_those_of_the_mine():
 def test_no_part_of_most_of_a_mine():
     """Rock that fails everywhere comes to rest in the whole."""
     scheme, brittle, _, _ = with_failure(2)
-    assert scheme.part_around(brittle, brittle.sound) is None
+    assert scheme.subdomain_around(brittle, brittle.sound) is None
 
 
 def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
@@ -156,7 +156,7 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
     monkeypatch.setattr(subdomain, "MAX_BORDER_SHARE", 0.02)
     monkeypatch.setattr(subdomain, "REACH_CELLS", (8,))
     scheme, brittle, fresh, force = with_failure(2)
-    part = scheme.part_around(brittle, fresh[:1])
+    part = scheme.subdomain_around(brittle, fresh[:1])
     index, cell = part.model.grid.cell_index >> CUBE_HALVINGS[2], part.model.particles.cell
     whole = scheme.body.model
     away = np.abs(index - (whole.grid.cell_index[whole.particles.cell[fresh[0]]] >> CUBE_HALVINGS[2])).max(axis=1)
@@ -167,7 +167,7 @@ def test_rock_near_the_border_of_a_part_waits_for_the_whole(monkeypatch):
     assert part.far_from_border(np.array([near, far])).tolist() == [near]
     monkeypatch.setattr(cascade, "new_failures", lambda *_: np.array([far]))
     own, history = scheme.scheme_of(part), History(1e-9)
-    relax_and_fail(own, part.brittle, force[part.nodes], 1e-9, norm(force), 0, history, part)
+    run_generations(own, part.brittle, force[part.nodes], 1e-9, norm(force), 0, history, part)
     assert part.state.failed[far] == -1
     assert history.rows[-1][-1] == 0
 
@@ -177,7 +177,7 @@ def test_no_part_with_a_border_beside_a_ring_that_fails(monkeypatch):
     monkeypatch.setattr(subdomain, "MAX_BORDER_SHARE", 0.02)
     scheme, brittle, _, _ = with_failure(2)
     ring = brittle.sound[scheme.body.model.particles.position[brittle.sound, 0] < 20.0]
-    assert scheme.part_around(brittle, ring) is None
+    assert scheme.subdomain_around(brittle, ring) is None
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -21,7 +21,7 @@ def test_finest_level_is_the_derivative_of_the_forces(dimension, points, cut_cel
     scheme = MultigridScheme(model, state, volume)
     scheme._set_stiffness()
     solver, flow = scheme.solver, scheme._flow_forces()
-    flow.begin(state, scheme.body.take_back_flow)
+    flow.begin(state, scheme.body.undo_flow)
     motion, change = (solver.to_rows(3e-3 * random.standard_normal(model.held.shape)) for _ in range(2))
     for values in (motion, change):
         solver.operator.spread(values)

@@ -156,7 +156,7 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
     scheme = scheme_of(model)
     body = scheme.body
     body.displace(field.displacement(grid.node_position))
-    scheme.relax(force, tolerance, norm(force), History(tolerance))
+    scheme.reach_equilibrium(force, tolerance, norm(force), History(tolerance))
     found = np.zeros((particles.count, d))
     interpolate(model.cell_nodes, particles.cell, particles.row, particles.modes, body.state.displacement, found)
     exact = field.displacement(particles.position)

@@ -15,14 +15,14 @@ one (general.brittle_drop); failed rock returns to the residual one. What a law'
 | overstress(*stress, row) | how far stress is above strength, Pa; at most 0 where admissible. What is admissible is convex |
 | return_to_surface(*stress, lame_lambda, shear_modulus, row) | plastic return of an elastic trial stress: six components and where it ended (elastic.py). ELASTIC: bit for bit the trial, also for a stress that was returned |
 | return_lanes(the same) | six components of lanes (simd/lanes.py), to round-off the same; general.lane_by_lane makes it |
-| fallen_stiffness(the same, matrix) | see isotropic.py; general.tangent_by_differences makes it |
+| stiffness_reduction(the same, matrix) | see isotropic.py; general.tangent_by_differences makes it |
 | strength_factor(*stress, row) | strength over stress: 0 to STRENGTH_FACTOR_CAP, at least 1 where admissible |
 | excess_shear_stress(*stress, row) | Pa, negative below strength |
 | strength_size(row) | Pa: what a margin above strength is in proportion to |
 | gains_energy(row) | whether flow may gain energy |
 | plane_normal(material) | only where a law has weak planes: their unit normal (3,) in the mine's frame |
 
-Those from surely_admissible on are compiled by numba: scalar, without allocation (but for fallen_stiffness) or
+Those from surely_admissible on are compiled by numba: scalar, without allocation (but for stiffness_reduction) or
 fastmath; *stress is xx, yy, zz, yz, xz, xy, Pa, tension positive, in the axes of the computation; row is a tuple. For
 isotropic laws isotropic.py makes three of them from a return of principal stresses.
 
@@ -61,7 +61,7 @@ class Materials(Settings):
 
 
 def can_fail(material: MaterialSettings | Mapping) -> bool:
-    """Whether a material, or its section of a slice, has a law of failure."""
+    """True if a material, or its section of a slice, has a law of failure."""
     model = material.get("model") if isinstance(material, Mapping) else getattr(material, "model", ELASTIC_MODEL)
     return model != ELASTIC_MODEL
 

@@ -105,13 +105,13 @@ def strength_size(row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def gains_energy(row):
-    """Whether flow may gain energy: rock that dilates above its friction."""
+    """True if flow may gain energy: rock that dilates above its friction."""
     return row[DILATION_FACTOR] > row[FRICTION_FACTOR]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _surely_admissible(mean, j2, row):
-    """Whether no Lode angle could bring a stress of this mean and J2 above strength; no eigen-solve, no square root.
+    """True if no Lode angle could bring a stress of this mean and J2 above strength; no eigen-solve, no square root.
 
     With s_i = mean + 2 sqrt(J2/3) cos(...), N s1 - s3 is at most (N - 1) mean + 2 sqrt(J2/3) sqrt(N^2 + N + 1).
     """
@@ -129,7 +129,7 @@ def _surely_admissible(mean, j2, row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _surely_admissible_principal(s1, s3, error, row):
-    """Whether stress is admissible with s1 and s3 known to within an error."""
+    """True if stress is admissible with s1 and s3 known to within an error."""
     friction = row[FRICTION_FACTOR]
     return (
         friction * s1 - s3 + (friction + 1.0) * error <= row[UNCONFINED_STRENGTH]
@@ -139,14 +139,14 @@ def _surely_admissible_principal(s1, s3, error, row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def surely_admissible(xx, yy, zz, yz, xz, xy, row):
-    """Whether bounds from mean stress and J2 alone prove a stress admissible (False: it may or may not be)."""
+    """True if bounds from mean stress and J2 alone prove a stress admissible (False: it may or may not be)."""
     mean, _, _, _, j2 = split_deviator(xx, yy, zz, yz, xz, xy)
     return _surely_admissible(mean, j2, row)
 
 
 @njit(cache=True, error_model="numpy")
 def overstress(xx, yy, zz, yz, xz, xy, row):
-    """How far stress is above strength, Pa: max(N s1 - s3 - sigma_c, s1 - T); at most 0 where admissible.
+    """Overstress, Pa: max(N s1 - s3 - sigma_c, s1 - T); at most 0 where admissible.
 
     The first is the excess of the major compression over the strength at this confinement, the second the excess of
     tension. Exact: no early exit (see `surely_admissible`).
@@ -164,7 +164,7 @@ def overstress(xx, yy, zz, yz, xz, xy, row):
 
 return_to_surface = isotropic_return(return_principal, _surely_admissible, _surely_admissible_principal)
 return_lanes = isotropic_lanes(return_principal)
-fallen_stiffness = isotropic_tangent(return_principal)
+stiffness_reduction = isotropic_tangent(return_principal)
 
 
 @njit(cache=True, error_model="numpy")

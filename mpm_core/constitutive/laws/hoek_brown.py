@@ -197,7 +197,8 @@ def strength_rows(material: Material, axes: tuple[int, int, int]) -> tuple[np.nd
 
 
 def cohesion(material: Material) -> float:
-    """Of intact rock, Pa: of the Coulomb line with its unconfined strength and the tangent's friction there."""
+    """Cohesion of intact rock, Pa: of the Coulomb line with its unconfined strength and the tangent's friction
+    there."""
     row = _row(material, "intact")
     s = row[APEX] * row[MB] / row[SIGMA_CI]
     slope = 1.0 + row[EXPONENT] * row[MB] * s ** (row[EXPONENT] - 1.0) if s > 0.0 else math.inf
@@ -248,7 +249,7 @@ def _on_curve(s, difference, share, row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _above(s1, s3, row):
-    """Whether principal stresses are above strength by more than round-off, which the steep curve at the apex lifts."""
+    """True if principal stresses are above strength by more than round-off, which the steep curve at the apex lifts."""
     size = ADMISSIBLE_ROUND_OFF * max(abs(s1), abs(s3))
     return s1 - row[TENSILE_STRENGTH] > size or s1 - s3 - 2.0 * size > _room(s1 - size, row)
 
@@ -309,7 +310,7 @@ def return_principal(s1, s2, s3, lame_lambda, shear_modulus, row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _bound(mean, j2, row):
-    """Whether no Lode angle could bring a stress of this mean and J2 above strength; s1 <= mean + 2 sqrt(J2 / 3)."""
+    """True if no Lode angle could bring a stress of this mean and J2 above strength; s1 <= mean + 2 sqrt(J2 / 3)."""
     root = math.sqrt(j2)
     highest = mean + 2.0 / math.sqrt(3.0) * root
     return highest <= row[TENSILE_STRENGTH] and 2.0 * root <= _room(highest, row)
@@ -317,25 +318,25 @@ def _bound(mean, j2, row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _bound_principal(s1, s3, error, row):
-    """Whether stress is admissible with s1 and s3 known to within an error."""
+    """True if stress is admissible with s1 and s3 known to within an error."""
     return s1 + error <= row[TENSILE_STRENGTH] and s1 - s3 + 2.0 * error <= _room(s1 + error, row)
 
 
 return_to_surface = isotropic_return(return_principal, _bound, _bound_principal)
 return_lanes = lane_by_lane(return_to_surface)
-fallen_stiffness = isotropic_tangent(return_principal)
+stiffness_reduction = isotropic_tangent(return_principal)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def surely_admissible(xx, yy, zz, yz, xz, xy, row):
-    """Whether bounds from mean stress and J2 alone prove a stress admissible (False: it may or may not be)."""
+    """True if bounds from mean stress and J2 alone prove a stress admissible (False: it may or may not be)."""
     mean, _, _, _, j2 = split_deviator(xx, yy, zz, yz, xz, xy)
     return _bound(mean, j2, row)
 
 
 @njit(cache=True, error_model="numpy")
 def overstress(xx, yy, zz, yz, xz, xy, row):
-    """How far stress is above strength, Pa: max(s1 - s3 - h(s1), s1 - T); at most 0 where admissible.
+    """Overstress, Pa: max(s1 - s3 - h(s1), s1 - T); at most 0 where admissible.
 
     The first is the excess of the major compression over the strength at this confinement, the second that of tension.
     """
@@ -390,6 +391,6 @@ def strength_size(row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def gains_energy(row):
-    """Whether flow may gain energy: dilation above the tangent's friction without confinement."""
+    """True if flow may gain energy: dilation above the tangent's friction without confinement."""
     s = row[APEX] * row[MB] / row[SIGMA_CI]
     return s > 0.0 and row[DILATION_FACTOR] > 1.0 + row[EXPONENT] * row[MB] * s ** (row[EXPONENT] - 1.0)

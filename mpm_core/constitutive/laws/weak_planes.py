@@ -178,7 +178,7 @@ def _on_plane(xx, yy, zz, yz, xz, xy, row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _plane_stands(xx, yy, zz, yz, xz, xy, row):
-    """Whether the plane is not above its strength by more than round-off of the stress."""
+    """True if the plane is not above its strength by more than round-off of the stress."""
     normal, shear, _, _, _ = _on_plane(xx, yy, zz, yz, xz, xy, row)
     size = ADMISSIBLE_ROUND_OFF * _size(xx, yy, zz, yz, xz, xy)
     slips = shear + row[FRICTION] * normal - row[COHESION] > (1.0 + row[FRICTION]) * size
@@ -187,7 +187,7 @@ def _plane_stands(xx, yy, zz, yz, xz, xy, row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _rock_stands(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
-    """Whether the rock without its planes is not above its strength by more than round-off."""
+    """True if the rock without its planes is not above its strength by more than round-off."""
     return coulomb.return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, _rock(row))[6] == ELASTIC
 
 
@@ -339,12 +339,12 @@ def return_to_surface(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
 
 
 return_lanes = lane_by_lane(return_to_surface)
-fallen_stiffness = tangent_by_differences(return_to_surface)
+stiffness_reduction = tangent_by_differences(return_to_surface)
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def surely_admissible(xx, yy, zz, yz, xz, xy, row):
-    """Whether a bound on the rock and the plane's own strength prove a stress admissible (False: it may be)."""
+    """True if a bound on the rock and the plane's own strength prove a stress admissible (False: it may be)."""
     normal, shear, _, _, _ = _on_plane(xx, yy, zz, yz, xz, xy, row)
     stands = shear + row[FRICTION] * normal <= row[COHESION] and normal <= row[TENSION]
     return stands and coulomb.surely_admissible(xx, yy, zz, yz, xz, xy, _rock(row))
@@ -352,7 +352,7 @@ def surely_admissible(xx, yy, zz, yz, xz, xy, row):
 
 @njit(cache=True, error_model="numpy")
 def overstress(xx, yy, zz, yz, xz, xy, row):
-    """How far stress is above strength, Pa: the larger of the rock's and the plane's; at most 0 where admissible.
+    """Overstress, Pa: the larger of the rock's and the plane's; at most 0 where admissible.
 
     Of the plane: max(|tau| + sn tan phi - c, sn - T).
     """
@@ -396,5 +396,5 @@ def strength_size(row):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def gains_energy(row):
-    """Whether flow may gain energy: dilation above friction, of the rock or its planes."""
+    """True if flow may gain energy: dilation above friction, of the rock or its planes."""
     return row[DILATION_FACTOR] > row[FRICTION_FACTOR] or row[DILATION] > row[FRICTION]

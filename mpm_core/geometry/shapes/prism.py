@@ -42,7 +42,7 @@ class Prism(Shape):
 
     @property
     def by_point(self) -> bool:
-        """Whether each point has elevations of its own."""
+        """True if each point has elevations of its own."""
         return bool(self.model_fields_set & {"base", "top"})
 
     def check(self, dimension: int) -> None:
@@ -168,7 +168,7 @@ def _turn(ring: np.ndarray) -> int:
 
 
 def _straight(polygon: np.ndarray) -> np.ndarray:
-    """Whether each corner (point,) lies on the line through its neighbours."""
+    """(point,) bool: True where a corner lies on the line through its neighbours."""
     before, after = polygon - np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0) - polygon
     turn = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return np.abs(turn) <= MIN_CORNER_SHAPE * ((before**2).sum(axis=1) + (after**2).sum(axis=1))

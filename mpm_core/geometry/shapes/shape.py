@@ -1,4 +1,4 @@
-"""What a shape is: its keys as settings, their checks, how far it reaches, and its surface.
+"""The base of all shapes: keys as settings, their checks, the extent, and the surface.
 
 All lengths are in m, in the mine's frame; `dimension` is 3, or 2 in plane strain.
 """
@@ -16,7 +16,7 @@ MIN_WIDTH_SHARE = 1e-9  # An outline narrower than this share of its length has 
 
 
 class ShapeError(Exception):
-    """What is wrong with a shape, and with which of its keys; empty where it is no single one."""
+    """A mistake in a shape, and the key that is wrong; empty where it is no single one."""
 
     def __init__(self, problem: str, key: str = ""):
         super().__init__(problem)

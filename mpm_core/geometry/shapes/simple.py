@@ -70,7 +70,7 @@ class Circle(Shape):
         return around(np.array([self.center], float), self.radius)
 
     def sides_and_volume(self, dimension: int) -> tuple[np.ndarray, float]:
-        """Those of the square, and pi / 4 of its area."""
+        """Sides of the square around it, and its exact area: pi / 4 of the square's."""
         sides, area = super().sides_and_volume(dimension)
         return sides, area * (np.pi / 4)
 
@@ -140,7 +140,7 @@ class Sphere(Shape):
         return around(np.array([self.center], float), self.radius)
 
     def sides_and_volume(self, dimension: int) -> tuple[np.ndarray, float]:
-        """Those of the cube, and pi / 6 of its volume."""
+        """Sides of the cube around it, and its exact volume: pi / 6 of the cube's."""
         sides, volume = super().sides_and_volume(dimension)
         return sides, volume * (np.pi / 6)
 

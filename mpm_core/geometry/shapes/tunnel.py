@@ -162,7 +162,8 @@ def _mitre(stretch: int, joint: int, along: np.ndarray, profiles: np.ndarray) ->
 
 
 def _mitred(along: np.ndarray, length: np.ndarray, profiles: np.ndarray) -> np.ndarray:
-    """Whether each inner point (point - 2,) gets a mitre: not too sharp, and the cuts of one stretch do not cross."""
+    """(point - 2,) bool: True where an inner point gets a mitre: not too sharp, and the cuts of one stretch do not
+    cross."""
     mitred = np.arccos(np.clip((along[:-1] * along[1:]).sum(axis=1), -1.0, 1.0)) <= MAX_MITRE_ANGLE
     for stretch in range(len(along)):
         # how far each corner's edge begins after the stretch's start and ends before its end
