@@ -1,7 +1,7 @@
 """The settings of the mechanics: those of a mine's configuration, and the slice that the grid is made from."""
 
 import inspect
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, create_model, model_validator
 
@@ -35,6 +35,7 @@ Angle = Annotated[float, Unit("deg", ge=0, lt=90)]
 StrengthPart = Annotated[float, Unit("Pa", ge=0, le=1e13)]
 Tolerance = real_number(ge=1e-15, le=0.1)
 Many = whole_number(ge=1, le=1_000_000_000)
+Quantity = TypeVar("Quantity")
 
 
 class Boundary(Settings):
@@ -118,26 +119,23 @@ class GridSettings(Settings):
     cell are left out."""
 
 
-class StressComponents(Settings):
+class SymmetricTensor(Settings, Generic[Quantity]):
+    """The six components of a symmetric tensor. Components that are not given are zero."""
+
+    xx: Quantity = None
+    yy: Quantity = None
+    zz: Quantity = None
+    yz: Quantity = None
+    xz: Quantity = None
+    xy: Quantity = None
+
+
+class StressComponents(SymmetricTensor[Stress]):
     """Components of the stress at frame.surface, tension positive. Components that are not given are zero."""
 
-    xx: Stress = None
-    yy: Stress = None
-    zz: Stress = None
-    yz: Stress = None
-    xz: Stress = None
-    xy: Stress = None
 
-
-class GradientComponents(Settings):
+class GradientComponents(SymmetricTensor[Gradient]):
     """Change of the components per metre of depth below frame.surface. Compression is negative."""
-
-    xx: Gradient = None
-    yy: Gradient = None
-    zz: Gradient = None
-    yz: Gradient = None
-    xz: Gradient = None
-    xy: Gradient = None
 
 
 class InsituSettings(Settings):

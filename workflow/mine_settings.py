@@ -35,6 +35,7 @@ from mpm_core.settings import (
     ShapeSettings,
     SolidSettings,
     SolverSettings,
+    SymmetricTensor,
 )
 from plans.settings import HazardSettings
 from seismic.event_settings import SeismicSettings
@@ -130,15 +131,8 @@ class Load(ShapeSettings):
     """Point to which each part of the force points. With two points each part points to the line through them."""
 
 
-class StrainComponents(Settings):
+class StrainComponents(SymmetricTensor[Strain]):
     """Components of a strain. Shear components are tensor shear."""
-
-    xx: Strain = None
-    yy: Strain = None
-    zz: Strain = None
-    yz: Strain = None
-    xz: Strain = None
-    xy: Strain = None
 
     @model_validator(mode="after")
     def _some(self) -> Self:

@@ -15,9 +15,9 @@ number of steps. Weights are not touched by it.
 
 Flow. On its way to equilibrium the model swings past it, a cell that has just failed most of all. Were failed rock to
 flow with every step, the strain of each swing would stay, and rock would reach equilibrium well below its residual
-strength, however short the time step. So what has flowed since a state near equilibrium is undone
-before each step, and all strain since then gets one return to the surface (backward Euler): only what lies between
-states near equilibrium counts. Those are the ends of increments and generations (`commit`).
+strength, however short the time step. So what has flowed since a state near equilibrium is undone before each step, and
+all strain since then gets one return to the surface (backward Euler): only what lies between states near equilibrium
+counts. Those are the ends of increments and generations (`commit`).
 """
 
 from functools import cached_property
@@ -33,7 +33,7 @@ from mpm_core.kernels.nodal_operations import (
     particle_masses,
     spread_to_hanging,
 )
-from mpm_core.kernels.resting import make_update, record_flow_start, undo_flow
+from mpm_core.kernels.stress_update import make_update, record_flow_start, undo_flow
 from mpm_core.model.model import Model
 from mpm_core.model.particles import hourglass_modulus
 from mpm_core.model.state import State, restore

@@ -59,7 +59,7 @@ class Ramp:
         return not self.strain.any() and change <= MIN_UNBALANCED_SHARE * self.reference
 
 
-class Refining(Protocol):
+class AdaptiveCells(Protocol):
     """Cells that follow the rock, and what a stage has on those of now."""
 
     scheme: Scheme
@@ -142,7 +142,7 @@ def run_generations(
     history: History,
     part_of_mine: Subdomain | InStepSubdomain | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
-    cells: Refining | None = None,
+    cells: AdaptiveCells | None = None,
 ) -> np.ndarray:
     """Reach equilibrium, let fail what is then above its strength, and so on until nothing is.
 
@@ -230,7 +230,7 @@ def run_cascade(
     step: int,
     history: History,
     save: Callable[[State, History], None] = lambda state, history: None,
-    cells: Refining | None = None,
+    cells: AdaptiveCells | None = None,
     step_subdomain: InStepSubdomain | None = None,
 ) -> tuple[Scheme, bool]:
     """Ramp external force and boundary strain, with a cascade at each increment.

@@ -71,7 +71,7 @@ BALANCE_EQUATION = (
 MIN_ENERGY_SHARE = 1e-12  # Energies below this share of the rock's elastic energy are round-off.
 
 
-class Counted(Protocol):
+class EnergyBody(Protocol):
     """The attributes of a body (body.Body) that the energy balance reads."""
 
     model: Model
@@ -85,7 +85,7 @@ class Counted(Protocol):
     flow_start: tuple[np.ndarray, np.ndarray]
 
 
-def virgin_work(body: Counted, moved: np.ndarray) -> float:
+def virgin_work(body: EnergyBody, moved: np.ndarray) -> float:
     """Work of the virgin stress of a body's rock on a nodal motion (node, d) m, J: G . du of the balance."""
     model, particles = body.model, body.model.particles
     return work_of_stress(
@@ -109,12 +109,12 @@ class EnergyPath:
         """Forget the path: nothing is under way."""
         self.external = self.residual = self.start = self.carried = None
 
-    def strain(self, body: Counted) -> None:
+    def strain(self, body: EnergyBody) -> None:
         """Note, before the boundary moves, that nodes carry their present forces until the path begins."""
         if self.start is None:
             self.start, self.carried = body.state.displacement.copy(), nodal_forces(body)
 
-    def begin(self, body: Counted, external: np.ndarray) -> None:
+    def begin(self, body: EnergyBody, external: np.ndarray) -> None:
         """External forces (node, d) N act from now on, nothing has moved yet; a path that has begun goes on."""
         if self.external is not None:
             return
@@ -125,7 +125,7 @@ class EnergyPath:
         if self.carried is not None:
             self.residual[:] = np.where(body.model.held, 0.0, external + self.carried)
 
-    def end(self, body: Counted, beyond: float, in_equilibrium: bool = True) -> None:
+    def end(self, body: EnergyBody, beyond: float, in_equilibrium: bool = True) -> None:
         """Count the work that was done. beyond J: how much more flow dissipates on the path than at its mean stress;
         in_equilibrium: what is unbalanced now (body.unbalanced) counts as none."""
         if self.external is None:
@@ -145,7 +145,7 @@ class EnergyPath:
         self.reset()
 
 
-def nodal_forces(body: Counted) -> np.ndarray:
+def nodal_forces(body: EnergyBody) -> np.ndarray:
     """Forces -B^T s' V - H (node, d) N of the stress that slots were last filled from, at held nodes, too."""
     scatter, state = body.model.scatter, body.state
     zeros, found = np.zeros_like(state.displacement), np.zeros_like(state.displacement)
@@ -163,7 +163,7 @@ def dissipate(state: State, entry: int, energy: np.ndarray) -> None:
     state.energy[GAINED] -= float(np.sum(np.minimum(energy, 0.0)))
 
 
-def count_flow(body: Counted) -> float:
+def count_flow(body: EnergyBody) -> float:
     """Count what has flowed as dissipated; how much more that is than at the mean stress of the path, J."""
     model, state = body.model, body.state
     energy = np.empty((len(body.flowing), 2))
@@ -198,14 +198,14 @@ class Balance:
     mined: float
 
     @classmethod
-    def at_start(cls, body: Counted, before: float, mined_hourglass: float) -> "Balance":
+    def at_start(cls, body: EnergyBody, before: float, mined_hourglass: float) -> "Balance":
         """body: with the volumes that stay; before J: elastic energy of what stood until now; mined_hourglass J: gone
         with what is mined."""
         stored = elastic_energy(body.model, body.state, body.volume)
         hourglass = float(hourglass_energies(body.state.hourglass_force, body.hourglass).sum())
         return cls(stored, hourglass, before - stored + mined_hourglass)
 
-    def facts(self, body: Counted, target: np.ndarray, moved: np.ndarray) -> dict[str, float | str]:
+    def facts(self, body: EnergyBody, target: np.ndarray, moved: np.ndarray) -> dict[str, float | str]:
         """Every term of the balance at the stage's end, J, see BALANCE_EQUATION.
 
         target (node, d) N: forces that act for good; moved (node, d) m: motion of the stage. Particles that move do so

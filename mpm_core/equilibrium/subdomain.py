@@ -5,9 +5,9 @@ alone; the whole mine reaches equilibrium afterwards, with the subdomain's borde
 the next subdomain. So the subdomain determines only in which order rock fails, not where the mine is in equilibrium:
 that is always checked on the whole. Rock so near the border that its failure would feel it waits for the whole.
 
-The border is so far away that it may be held still. What a failed patch of half-width a changes decays as (a /
-distance)^d in d dimensions. A border at distance R from its middle, held still, carries (a / R)^d of it: the nearer the
-border, the less rock fails.
+The border is so far away that it may be held still. What a failed patch of half-width a changes decays as
+(a / distance)^d in d dimensions. A border at distance R from its middle, held still, carries (a / R)^d of it: the
+nearer the border, the less rock fails.
 """
 
 import logging

@@ -9,7 +9,7 @@ from common.errors import InputError
 from common.fields import Field
 from common.voigt import NAMES
 from mpm_core.constitutive.laws import plane_normals
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells, distorted_cells
 from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid

@@ -1,6 +1,6 @@
 """Excavations and rock bodies as triangle solids (segments in 2-D), and which cells lie inside. Knows no material.
 
-shapes/, solid_files.py (orientation.py: which way facets look) -> solids.py (volume.py) -> inside.py (winding.py:
+shapes/, solid_files.py (orientation.py: which way facets look) -> solids.py -> inside.py (winding.py:
 point inside; crossing.py: cell crossed by the surface).
 """
 

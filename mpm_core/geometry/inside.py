@@ -4,12 +4,13 @@ Inside is where the generalised winding number W exceeds 1/2 in size. So an inve
 (W = -1), facets repeated or solids overlapping change nothing (W = 2), and a hole is closed by the surface where W
 is 1/2. Patches that look outward next to patches that look inward cancel: orientation.py turns or refuses them.
 A point outside the bounding box is outside. For `Outside`, what a solid leaves of a box, every answer is reversed.
+
+The 64 sample points of a cell tell how much of it a solid holds.
 """
 
 import numpy as np
 
-from mpm_core.geometry.crossing import cell_box, cross_cells, in_box
-from mpm_core.geometry.sampling import sample_points
+from mpm_core.geometry.crossing import CROSSING_TOLERANCE, cell_box, cross_cells, in_box
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.geometry.winding import (
     MAX_EXACT_FACETS,
@@ -20,9 +21,47 @@ from mpm_core.geometry.winding import (
     winding_number_by_tree,
 )
 
-OUTSIDE, CROSSED, INSIDE = 0, 1, 2
+# 4 x 4 x 4 in 3-D, 8 x 8 in 2-D; a set of them is the bits of one integer.
+SAMPLES_PER_CELL = 64
 
+# Sample points are moved outward from the cell's middle by this much of a cell, so that of two solids sharing a face on
+# a plane of sample points one and only one owns them. The components differ (powers of a golden ratio), else points
+# would stay on diagonal planes.
+SAMPLE_OFFSET = CROSSING_TOLERANCE * np.array([1.0, 0.8191725, 0.6710436])
+
+# How far from the cell's middle a sub-cell's point lies within the sub-cell, along one axis, in quarters of the
+# sub-cell's edge: 0 nearest. It depends on the sub-cell's place along the other axes, counted from the middle, too. The
+# best of the patterns of this form by the error of a half-space's share, over directions of its face.
+OUTWARD_2D = np.array([3, 0, 1, 2])
+OUTWARD_3D = np.array([[1, 0], [3, 2]])
+OUTSIDE, CROSSED, INSIDE = 0, 1, 2
 MAX_TREE_POINTS = 1 << 21  # Points handed to the tree at once.
+
+
+def sample_points(dimension: int) -> np.ndarray:
+    """Offsets (dimension, 64) of the sample points from a cell's lower corner, in cells, in bit order, nudged.
+
+    One point per sub-cell, moved within it so that a flat wall moving through the cell meets few points at a time
+    (multi-jittered sampling, Chiu et al. 1994), where sub-cell centres would come in whole layers. The pattern is its
+    own image in mirrors across the axes and in exchanges of axes (3-D: cyclic ones), so mirrored openings have mirrored
+    cells. Along each axis the points lie at 32 (3-D: 16) evenly spaced places, the most that mirrors across the other
+    axes allow. So an axis-parallel wall that lies at a 32nd (16th) of a cell has its exact share. Any other has a share
+    within 1/64 (2/64).
+    """
+    per_edge = 8 if dimension == 2 else 4
+    along = np.meshgrid(*[np.arange(per_edge)] * dimension, indexing="ij")
+    side = [np.where(2 * i < per_edge, -1, 1) for i in along]
+    ring = [np.abs(2 * i + 1 - per_edge) // 2 for i in along]  # 0 beside the middle
+    if dimension == 2:
+        outward = [OUTWARD_2D[ring[1]], OUTWARD_2D[ring[0]]]
+    else:
+        outward = [OUTWARD_3D[ring[(axis + 1) % 3], ring[(axis + 2) % 3]] for axis in range(3)]
+    places = [
+        0.5 + side[axis] * ((ring[axis] + (outward[axis] + 0.5) / 4) / per_edge + SAMPLE_OFFSET[axis])
+        for axis in range(dimension)
+    ]
+    # bit i + 4 j + 16 k: the first axis runs fastest
+    return np.stack([place.ravel(order="F") for place in places])
 
 
 def contains(solid: Solid | Outside, points: np.ndarray) -> np.ndarray:
@@ -79,7 +118,7 @@ def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, in
 
     One point in each of 4 x 4 x 4 sub-cells, bit i + 4 j + 16 k; in 2-D in each of 8 x 8, bit i + 8 j (i along the
     first axis). popcount(mask) / 64 is the share of the cell inside; `a & ~b` takes solid b out of solid a. A share is
-    good to some 2 % of the cell where a smooth surface passes (sampling.py); a sheet thinner than a sub-cell may miss
+    good to some 2 % of the cell where a smooth surface passes (sample_points); a sheet thinner than a sub-cell may miss
     all points.
     """
     if isinstance(solid, Outside):

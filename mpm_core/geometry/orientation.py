@@ -11,7 +11,7 @@ import igl
 import numpy as np
 
 from common.errors import InputError
-from mpm_core.geometry.edges import Edges, edges_of, unique_rows
+from mpm_core.geometry.solids import Edges, edges_of, unique_rows
 from mpm_core.geometry.winding import winding_number_of
 
 MAX_REVERSED_SHARE = 0.4  # A patch is refused if a larger share of its area looks the other way than the rest.

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
-from mpm_core.geometry.edges import unique_rows
 from mpm_core.geometry.meshes import Mesh, choose, join, read_obj, read_omf, read_ply, read_stl
 from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
-from mpm_core.geometry.solids import Solid
+from mpm_core.geometry.solids import Solid, unique_rows
 
 METRES_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "us_ft": 1200 / 3937, "inch": 0.0254}
 # Shares of the volume that depend on how an open surface is closed. Above the first there is a warning, above the
@@ -103,13 +102,15 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     solid = Solid(name, vertices, facets)
     if solid.open_share > OPEN_SHARE_WARNED:
         least, _, most = solid.open_volumes
-        said = (
+        message = (
             f"{path}: {name}: its surface has large holes, or triangles that look the other way: {least:.4g} to "
             f"{most:.4g} m3 are within, {100 * solid.open_share:.0f} % apart, as one closes it"
         )
         if solid.open_share > MAX_OPEN_SHARE_ACCEPTED:
-            raise InputError(f"{said}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}")
-        logging.warning("%s; %.4g m3 are used: %s", said, solid.volume, SURFACE_REMEDY)
+            raise InputError(
+                f"{message}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}"
+            )
+        logging.warning("%s; %.4g m3 are used: %s", message, solid.volume, SURFACE_REMEDY)
     return solid
 
 

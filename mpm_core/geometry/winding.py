@@ -201,11 +201,11 @@ def sample_cells_nearby(
     points = index[cells][:, None, :] + samples.T[REFERENCE_SAMPLES]
     known = winding_number(points.reshape(-1, 3)).reshape(-1, len(REFERENCE_SAMPLES))
     list_of_cell = bin_of_cell.reshape(-1)[cells]
-    found, settled = np.zeros(len(cells), dtype=np.uint64), np.zeros(len(cells), dtype=bool)
+    found, decided = np.zeros(len(cells), dtype=np.uint64), np.zeros(len(cells), dtype=bool)
     _sample_cells(
-        corners, index[cells], samples, known, first[list_of_cell], counts[list_of_cell], facets, found, settled
+        corners, index[cells], samples, known, first[list_of_cell], counts[list_of_cell], facets, found, decided
     )
-    mask[cells], done[cells] = found, settled
+    mask[cells], done[cells] = found, decided
     return mask, done
 
 
@@ -234,8 +234,8 @@ def _near_facets(bins, lower, upper, listing, first, facets, counts):
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def _sample_cells(corners, index, samples, known, first, counts, facets, mask, settled):
-    """mask (cell,) uint64 and settled (cell,) bool, written in place, from near facets and W at REFERENCE_SAMPLES.
+def _sample_cells(corners, index, samples, known, first, counts, facets, mask, decided):
+    """mask (cell,) uint64 and decided (cell,) bool, written in place, from near facets and W at REFERENCE_SAMPLES.
 
     corners (facet, 3, 3), samples (3, POINTS_PER_BLOCK), known (cell, reference) float64; index (cell, 3) int32; the
     near facets of cell n are facets[first[n] : first[n] + counts[n]].
@@ -254,7 +254,7 @@ def _sample_cells(corners, index, samples, known, first, counts, facets, mask, s
             turns[s] += np.arctan2(imaginary[s], real[s]) / (2.0 * np.pi)  # now the near facets' winding number
         far = known[n, 0] - turns[REFERENCE_SAMPLES[0]]
         other = known[n, 1] - turns[REFERENCE_SAMPLES[1]]
-        settled[n] = abs(far - other) < MAX_WINDING_DIFFERENCE
+        decided[n] = abs(far - other) < MAX_WINDING_DIFFERENCE
         bits = np.uint64(0)
         for s in range(POINTS_PER_BLOCK):
             if abs(turns[s] + 0.5 * (far + other)) > 0.5:

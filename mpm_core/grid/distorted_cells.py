@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 
@@ -198,7 +198,7 @@ def points_with_volume(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def points_of_samples(dimension: int) -> np.ndarray:
     """Points (64, 2^d, d) in the unit cube, 2^d in each sample's sub-cell.
 
-    Twice as many along each edge as geometry.sampling has, in a pattern of the same kind: each is moved within its
+    Twice as many along each edge as inside.sample_points has, in a pattern of the same kind: each is moved within its
     part of the sub-cell, by an amount that hangs on its place along the other axes, so that a flat wall meets few of
     them at a time; the pattern is its own image in mirrors across the axes.
     """

@@ -17,9 +17,8 @@ import numpy as np
 import scipy  # imports its parts as they are used, which small stages would wait for
 from numba import njit
 
-from mpm_core.geometry.edges import unique_rows
 from mpm_core.geometry.inside import contains
-from mpm_core.geometry.solids import Outside, Solid
+from mpm_core.geometry.solids import Outside, Solid, unique_rows
 from mpm_core.grid.distorted_cells import corner_offsets, smallest_element, sub_cell_middles
 from mpm_core.grid.octree import all_cells
 from mpm_core.grid.splitting import code_of

@@ -6,22 +6,10 @@ import math
 from numba import njit, prange
 
 from mpm_core.constitutive.general import brittle_drop, strength_of
+from mpm_core.kernels.energy_sums import total_stress
 
 # Equilibrium is never exact, so rock may be above its strength by this share of strength and stress.
 STRENGTH_MARGIN = 1e-5
-
-
-@njit(cache=True)
-def total_stress(stress, insitu, particle):
-    """Six components of a particle's stress, Pa: its change since virgin and the virgin one, both (particle, 6)."""
-    return (
-        stress[particle, 0] + insitu[particle, 0],
-        stress[particle, 1] + insitu[particle, 1],
-        stress[particle, 2] + insitu[particle, 2],
-        stress[particle, 3] + insitu[particle, 3],
-        stress[particle, 4] + insitu[particle, 4],
-        stress[particle, 5] + insitu[particle, 5],
-    )
 
 
 @functools.cache
@@ -37,7 +25,7 @@ def make_overstress_of(law):
         """
         for i in prange(len(candidates)):
             p = candidates[i]
-            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
+            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
             row = strength_of(rows, material[p], length)
             if law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
                 excess[i] = 0.0
@@ -63,7 +51,7 @@ def strength_margin(stress, insitu, particle, strength):
         insitu[particle, 0], insitu[particle, 1], insitu[particle, 2],
         insitu[particle, 3], insitu[particle, 4], insitu[particle, 5],
     )  # fmt: skip
-    present = size_of(*total_stress(stress, insitu, particle))
+    present = size_of(*total_stress(stress, insitu, particle, particle))
     return STRENGTH_MARGIN * (strength + virgin + present)
 
 
@@ -84,7 +72,7 @@ def make_is_above_strength(law):
             above[i] = False
             if failed[p] >= 0:
                 continue
-            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
+            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
             row = strength_of(rows, material[p], length)
             if not law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
                 more = tolerated_overstress[p] if len(tolerated_overstress) else 0.0
@@ -128,7 +116,7 @@ def make_drop(law):
         """
         for i in range(len(particles)):
             p = particles[i]
-            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p)
+            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
             m = material[p]
             peak, residual, overshoot, seismic, _ = brittle_drop(
                 law.return_to_surface,

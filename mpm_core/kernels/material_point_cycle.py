@@ -19,7 +19,7 @@ from mpm_core.constitutive.general import strength_of
 from mpm_core.grid.adjacency import NO_CELL, cell_at
 from mpm_core.kernels import modes_2, modes_3
 from mpm_core.kernels.modes import to_corners, to_modes
-from mpm_core.kernels.resting import flow_at_residual
+from mpm_core.kernels.stress_update import flow_at_residual
 
 MIN_LOCAL_COORDINATE = -1.0 + 1e-12
 """Least local coordinate of a particle. On a side itself it would give the far nodes no mass, but strain with their

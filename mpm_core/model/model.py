@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 
 from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
@@ -155,18 +155,18 @@ class Model:
         placed = np.array([excavation.filled for excavation in self.scene.excavations])[particles.excavation]
         for first in np.unique(placed[found]):
             chosen = np.flatnonzero(found & (placed == first))
-            found[chosen] = self._beside_filled(first)[particles.cell[chosen]]
+            found[chosen] = self._touching_filled(first)[particles.cell[chosen]]
         return found
 
-    def _beside_filled(self, step: int) -> np.ndarray:
+    def _touching_filled(self, step: int) -> np.ndarray:
         """Cells (cell,) bool that share a node with one that is filled wholly once `step` is mined and filled."""
         cells = len(self.cell_nodes)
         rock, solid = self.changes.rock_samples(cells, step), self.changes.solid_samples(cells, step)
         filled = np.zeros(len(self.plain.node_index), bool)
         filled[self.plain.vtk_nodes[(rock == NO_SAMPLES) & (solid == ALL_SAMPLES)]] = True
-        beside = np.empty(cells, bool)
-        mark_cells(self.plain.vtk_nodes, filled, beside)
-        return beside
+        touching = np.empty(cells, bool)
+        mark_cells(self.plain.vtk_nodes, filled, touching)
+        return touching
 
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell's volume that is rock once `step` is mined, (cell,)."""

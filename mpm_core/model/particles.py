@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells, part_integrals
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, ROCK_OWNER, Changes, Pieces

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.kernels.nodal_operations import mark_cells
 from mpm_core.model.occupancy import Changes

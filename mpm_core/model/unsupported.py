@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # imports its parts as they are used, which small stages would wait for
 
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Unsupported

@@ -9,8 +9,7 @@ import xarray as xr
 from common.errors import InputError
 from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.geometry.crossing import in_box
-from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, classify_cells, contains, sample_mask
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, SAMPLES_PER_CELL, classify_cells, contains, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.distorted_cells import distorted_shapes, fullest_samples, part_integrals, points_with_volume
@@ -155,7 +154,7 @@ def _samples_inside(solid: Solid | Outside, domain: Domain, index: np.ndarray, c
     return samples
 
 
-def miss(solid: Solid | Outside, cells: GridCells) -> None:
+def refuse_missed(solid: Solid | Outside, cells: GridCells) -> None:
     """Raise InputError for an excavation that no cell has a part of; where all of it may be missed (volume_error) only
     warn. A surface that stands twice, once turned inward, encloses nothing."""
     where = f"excavations.{solid.name}: adds no volume"
@@ -326,7 +325,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
         of_later = cut_pieces(touched, domain, solids, np.flatnonzero(later), values.grid, edge_nodes)
         pieces = pieces.and_then(of_later)
     for number in np.setdiff1d(np.arange(len(solids)), pieces.excavation):
-        miss(solids[number], values.grid)
+        refuse_missed(solids[number], values.grid)
     thickness = values.thickness if dimension == 2 else 1.0
     sampled = np.bincount(pieces.excavation, volumes_of(pieces, edge_nodes, domain), minlength=len(solids))
     on_grid = sampled * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
@@ -364,13 +363,13 @@ def far_field_attributes(values: GridSlice) -> dict:
     far = values.far_field
     if far is None:
         return {}
-    said = f"domain: {far.distance:.4g} m from the openings; moves wall stress by {100 * far.error:.2g} % at most"
+    message = f"domain: {far.distance:.4g} m from the openings; moves wall stress by {100 * far.error:.2g} % at most"
     reason = {
         "memory": "; a larger one takes too much memory on these cells: use a larger grid.finest_cell",
         "strength": "; beyond it virgin rock stands above its strength (insitu_stress, materials.host)",
         "": "",
     }[far.limited]
-    logging.log(logging.WARNING if reason else logging.INFO, "%s%s", said, reason)
+    logging.log(logging.WARNING if reason else logging.INFO, "%s%s", message, reason)
     return {
         "far_field_distance": far.distance,
         "far_field_radius": far.radius,

@@ -56,7 +56,7 @@ def brittle_of(model: Model, volume: np.ndarray, step: int) -> Brittle:
 
 @dataclass
 class StepCells:
-    """The data of a step on its cells, replaced as a whole when they are split; the cascade uses it as Refining.
+    """The data of a step on its cells, replaced as a whole when they are split; the cascade uses it as AdaptiveCells.
 
     start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
     held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import (
     DistortedCells,
     corner_offsets,

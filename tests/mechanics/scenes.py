@@ -5,7 +5,7 @@ import numpy as np
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.files.state_datasets import grid_dataset
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid import MultiLevelGrid, build_grid
 from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.model.model import Model, build_model

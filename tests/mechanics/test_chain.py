@@ -20,7 +20,7 @@ from mechanics.scenes import (
     uniform,
 )
 from mpm_core.equilibrium.cascade import run_cascade
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import DistortedCells
 from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, ROCK_OWNER, Pieces, Unsupported, changes_of
 from mpm_core.model.particles import seed, volumes

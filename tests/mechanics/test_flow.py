@@ -10,7 +10,7 @@ from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.strength import strength_row
 from mpm_core.kernels.energy_sums import make_flow_energy
-from mpm_core.kernels.resting import undo_flow
+from mpm_core.kernels.stress_update import undo_flow
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
 CONSTANTS = np.array([[20e9, 10e9], [1e9, 2e9]])  # lambda, mu

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mechanics.scenes import FILL, HOST, box, excavation, grid_around, make_dataset, make_model, make_scene, uniform
 from mpm_core.equilibrium.body import Body
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.particles import (
     centroids,

@@ -20,7 +20,7 @@ from mechanics.scenes import (
 )
 from mpm_core.equilibrium.body import Body
 from mpm_core.files.state_datasets import read_grid
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.model import phantom_nodes
 from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.phantom_nodes import PhantomNodes

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from common.datasets import read_dataset, write_dataset
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.unsupported import find_unsupported, hang_together
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step

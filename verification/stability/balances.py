@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from mpm_core.files.state_datasets import read_edge_nodes, read_pieces
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import distorted_shapes, sample_volumes
 from mpm_core.model.occupancy import MIN_SAMPLES_KEPT
 from verification.extremes.outcomes import Outcome

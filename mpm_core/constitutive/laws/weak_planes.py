@@ -231,7 +231,7 @@ def _relieved(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, ro
 
 @njit(cache=True, error_model="numpy")
 def _next_slip(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row):
-    """Slip of the plane where the rock has taken its part beside slip g of the plane; both times G, Pa."""
+    """Slip of the plane where the rock has taken its part next to slip g of the plane; both times G, Pa."""
     txx, tyy, tzz, tyz, txz, txy = _relieved(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
     txx, tyy, tzz, tyz, txz, txy, _ = coulomb.return_to_surface(
         txx, tyy, tzz, tyz, txz, txy, lame_lambda, shear_modulus, _rock(row)
@@ -259,7 +259,7 @@ def _solved(a, b, c, r):
 
 
 @njit(cache=True, error_model="numpy")
-def _slip_beside_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row):
+def _slip_with_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row):
     """Slip of the plane where rock and plane both act (times G, Pa), from a first guess g."""
     size = _size(xx, yy, zz, yz, xz, xy)
     step = SLIP_DIFFERENCE_STEP * size
@@ -302,7 +302,7 @@ def _return_once(xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, row):
         region = where
     if region != where:
         region = BOTH
-        gx, gy, gz = _slip_beside_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
+        gx, gy, gz = _slip_with_rock(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
         txx, tyy, tzz, tyz, txz, txy = _relieved(xx, yy, zz, yz, xz, xy, gx, gy, gz, lame_lambda, shear_modulus, row)
     for _ in range(MAX_RETURNS):
         txx, tyy, tzz, tyz, txz, txy, more = coulomb.return_to_surface(

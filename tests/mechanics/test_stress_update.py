@@ -15,7 +15,7 @@ from mechanics.scenes import (
     random_grid,
 )
 from mpm_core.equilibrium.body import Body
-from mpm_core.geometry.sampling import SAMPLES_PER_CELL
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.model.particles import owned_samples, point_table
 
 PLANES = {2: "xz", 3: None}

@@ -1,4 +1,4 @@
-"""Stress update and internal force of particles that rest in their cells (paper Eqs 2 and 6).
+"""Stress update and internal force of particles that stay in their cells (paper Eqs 2 and 6).
 
 A field on a cell is handled by its modes: the 2^d products of local coordinates xi_k (Walsh-Hadamard transform of the
 corner values). Mode m is the product of those xi_k whose bit k is set in m; its derivative along xi_k is mode m without
