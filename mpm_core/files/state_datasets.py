@@ -1,4 +1,7 @@
-"""Grid and state to and from the dataset contract: always three coordinates and six stress components."""
+"""Grid and state to and from the dataset contract: always three coordinates and six stress components.
+
+One table, FIELDS, names, measures and documents every field that a dataset of this package holds.
+"""
 
 import json
 

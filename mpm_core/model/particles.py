@@ -7,6 +7,9 @@ With `cut_cells: mean` each material of a cut cell has one particle, which stand
 functions and their gradients are means over these samples, and its place is their centroid: at the cell's centre it
 would act up to half a cell too far into the opening, and rock would carry too little. So has each material of a
 distorted cell (grid/distorted_cells.py), cut or not.
+
+The stiffness of a particle bounds the time step of the explicit scheme (equilibrium/body.py) and scales the hourglass
+stiffness of its cell.
 """
 
 from dataclasses import dataclass, replace

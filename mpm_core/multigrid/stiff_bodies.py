@@ -6,6 +6,8 @@ nodes of stiff bodies are gathered in blocks, as small as a direct solution can 
 dyke can afford more than a ball), single nodes if possible, and a solution in which every block moves rigidly is used
 out before and after the V-cycle (deflation, Frank and Vuik 2001; balancing, Mandel 1993). Blocks belong to one body
 each; bodies that meet at an edge or a corner share its nodes by halves: a hinge.
+
+Unknowns are eliminated in the order of nested dissection, which also counts the entries of the factor.
 """
 
 import numpy as np

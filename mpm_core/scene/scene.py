@@ -1,4 +1,7 @@
-"""A stage's slice of the configuration as frozen dataclasses, in SI units, physically checked."""
+"""A stage's slice of the configuration as frozen dataclasses, in SI units, physically checked.
+
+Virgin stress is linear in depth, with the body force that balances it.
+"""
 
 from dataclasses import dataclass, replace
 

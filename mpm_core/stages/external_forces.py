@@ -1,4 +1,14 @@
-"""The external forces on a model: mined rock, weight, pressure, lost tractions, loads, a strained boundary."""
+"""The external forces on a model: mined rock, weight, pressure, lost tractions, loads, a strained boundary.
+
+Pressure acts on the walls of excavations from inside: traction -p n on rock with the outward normal n. An open
+excavation counts as full of a weightless fluid: its stress is -p I, where that of a void is zero. By the divergence
+theorem the integral of B^T (p I) over the open volume is the force of the pressure on the walls; and rock mined where
+the virgin stress is -p I moves nothing.
+
+Pressure acts in all that is open within the excavation's solid, whichever excavation opened it, until the excavation
+is filled. Where open solids overlap, the highest pressure acts; it also acts in what went with them without being part
+of any solid, remainders of cells and unsupported rock of their cells.
+"""
 
 from collections.abc import Iterator
 

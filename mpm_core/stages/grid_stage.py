@@ -1,4 +1,10 @@
-"""The grid of a scene from its solids: the refined cells, and the part of each cell inside each excavation."""
+"""The grid of a scene from its solids: the refined cells, and the part of each cell inside each excavation.
+
+The walls of an opening that is narrow for its cells close too little (an under-resolved opening). Walls in different
+cells have nodes of their own (model/phantom_nodes.py). But rock on both sides of an opening within one cell is tied
+together, and an edge without a node of its own (grid/edge_nodes.py) ties two walls. The share of an opening's volume in
+cells that are mined wholly measures it (`whole_shares`); study openings shows the effect of that share.
+"""
 
 import json
 import logging
