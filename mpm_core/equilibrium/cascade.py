@@ -102,15 +102,15 @@ def snapshot_equilibrium(scheme: Scheme, history: History) -> None:
     history.last_equilibrium = snapshot(body.state, body.model.scene.solver.move, history.last_equilibrium)
 
 
-def next_failures(scheme: Scheme, brittle: Brittle, part: Subdomain | InStepSubdomain | None = None) -> np.ndarray:
+def next_failures(scheme: Scheme, brittle: Brittle, subdomain: Subdomain | InStepSubdomain | None = None) -> np.ndarray:
     """Rock above its strength in equilibrium, particles (k,), ascending; none if the cascade is at its end.
 
     In a subdomain of the mine rock near its border waits for the whole.
     """
     model, state, solver = scheme.body.model, scheme.body.state, scheme.body.model.scene.solver
     fresh = new_failures(model, state, brittle)
-    if part is not None:
-        fresh = part.far_from_border(fresh)
+    if subdomain is not None:
+        fresh = subdomain.far_from_border(fresh)
     return weakest(model, state, fresh, solver.weakest_first, brittle.tolerated_overstress)
 
 
@@ -140,7 +140,7 @@ def run_generations(
     reference: float,
     step: int,
     history: History,
-    part_of_mine: Subdomain | InStepSubdomain | None = None,
+    subdomain: Subdomain | InStepSubdomain | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: AdaptiveCells | None = None,
 ) -> np.ndarray:
@@ -148,14 +148,14 @@ def run_generations(
 
     Failure spreads from fresh failures in a subdomain of the mine around them, if that is small, and there in a
     subdomain of that. It does not where the last state in equilibrium or the weakest rock of the whole is needed.
-    part_of_mine: the subdomain that the scheme is for. Returns the flagged places (k, d), which need finer cells before
+    subdomain: the one that the scheme is for. Returns the flagged places (k, d), which need finer cells before
     any more fails; none at its end.
     """
     solver = scheme.body.model.scene.solver
-    in_parts = scheme if isinstance(scheme, SchemeWithSubdomains) and not needs_whole_mine(solver) else None
+    divisible = scheme if isinstance(scheme, SchemeWithSubdomains) and not needs_whole_mine(solver) else None
     while True:
         scheme.reach_equilibrium(external, tolerance, reference, history)
-        fresh = next_failures(scheme, brittle, part_of_mine)
+        fresh = next_failures(scheme, brittle, subdomain)
         if cells is not None:
             provisional = tolerance > solver.tolerance
             places, fresh = cells.flagged(scheme.body.model, scheme.body.state, brittle, fresh, provisional)
@@ -164,17 +164,17 @@ def run_generations(
         let_fail(scheme, fresh, step, history)
         if not len(fresh):
             return np.empty((0, scheme.body.model.dimension), int)
-        part = None if in_parts is None else in_parts.subdomain_around(brittle, fresh)
-        if in_parts is not None and part is not None:
-            own = in_parts.scheme_of(part)
-            share = len(part.cells) / len(scheme.body.model.cell_nodes)  # of what may be unbalanced
+        inner = None if divisible is None else divisible.subdomain_around(brittle, fresh)
+        if divisible is not None and inner is not None:
+            own = divisible.scheme_of(inner)
+            share = len(inner.cells) / len(scheme.body.model.cell_nodes)  # of what may be unbalanced
             run_generations(
-                own, part.brittle, external[part.nodes], tolerance * np.sqrt(share), reference, step, history, part,
+                own, inner.brittle, external[inner.nodes], tolerance * np.sqrt(share), reference, step, history, inner,
                 cells=cells,
             )  # fmt: skip
             own.body.commit()
-            in_parts.take_over(part)
-            del part, own  # before the whole needs its memory again
+            divisible.take_over(inner)
+            del inner, own  # before the whole needs its memory again
         save(scheme.body.state, history)
 
 

@@ -34,7 +34,7 @@ class History:
     iteration: int = 0
     increment: int = 0
     generation: int = 0
-    cells: int = 0  # that are relaxed now: all, or those of a part of the mine
+    cells: int = 0  # that are brought to equilibrium now: all, or a subdomain's
     tightened: int = 0  # how often the tolerance between generations has been tightened in this increment
     splits: int = 0  # how often cells have been split in this stage
     load: float = 0.0  # share of it that acts

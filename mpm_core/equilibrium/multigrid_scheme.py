@@ -119,16 +119,16 @@ class MultigridScheme:
         around = self.cubes.around(grid.cell_index[self.model.particles.cell[fresh]])
         return None if around is None else cut_out(self.model, self.state, self.body.volume, brittle, around, fresh)
 
-    def scheme_of(self, part: Subdomain) -> "MultigridScheme":
+    def scheme_of(self, subdomain: Subdomain) -> "MultigridScheme":
         """The scheme that brings a subdomain to equilibrium."""
-        scheme = MultigridScheme(part.model, part.state, part.volume)
-        scheme.body.start = self.body.start[part.nodes]
+        scheme = MultigridScheme(subdomain.model, subdomain.state, subdomain.volume)
+        scheme.body.start = self.body.start[subdomain.nodes]
         return scheme
 
-    def take_over(self, part: Excerpt) -> None:
+    def take_over(self, excerpt: Excerpt) -> None:
         """Take over the result of a subdomain, which is in equilibrium and committed."""
-        part.write_back(self.state)
-        self.stale[self.model.scatter.blocks_of(part.cells)] = True
+        excerpt.write_back(self.state)
+        self.stale[self.model.scatter.blocks_of(excerpt.cells)] = True
         self.body.restart_flow_count()
         self.set_failed()
 

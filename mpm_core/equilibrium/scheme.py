@@ -53,8 +53,8 @@ class SchemeWithSubdomains(Scheme, Protocol):
     def subdomain_around(self, brittle: Brittle, fresh: np.ndarray) -> Subdomain | None:
         """The subdomain around rock that has just failed, particles (k,); None where that is too much of the mine."""
 
-    def scheme_of(self, part: Subdomain) -> Scheme:
+    def scheme_of(self, subdomain: Subdomain) -> Scheme:
         """The scheme that brings a subdomain to equilibrium."""
 
-    def take_over(self, part: Excerpt) -> None:
+    def take_over(self, excerpt: Excerpt) -> None:
         """Take over the result of a subdomain, which is in equilibrium and committed."""

@@ -189,7 +189,7 @@ def cut_out(
     particles, indices = _crop_particles(model.particles, chosen, number)
     changes, pieces = model.changes, model.pieces.of(chosen[model.pieces.cell])
     ours = chosen[changes.cell]
-    part = replace(
+    own_model = replace(
         model,
         grid=grid,
         pieces=replace(pieces, cell=number[pieces.cell]),
@@ -204,14 +204,14 @@ def cut_out(
         severed=model.severed[:0],
     )
     known = model.hourglass_patterns[chosen[model.particles.distorted.cell]]
-    vars(part)["hourglass_patterns"] = known  # else found anew for each part
-    own = part.virgin_state()
+    vars(own_model)["hourglass_patterns"] = known  # else computed again for each subdomain
+    own = own_model.virgin_state()
     copy_to_subdomain(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0
     failed_before[np.searchsorted(indices, fresh)] = False
     logging.info("in a part of %d cells", len(cells))
     return Subdomain(
-        part,
+        own_model,
         own,
         volume[indices],
         _crop_brittle(brittle, indices, cells, number),
@@ -245,7 +245,7 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
     shared[of_shared[of_shared >= 0]] = True
     own = np.where(parents < 0, np.int32(-1), number[parents])
     own[((own < 0) & (parents >= 0)).any(axis=1)] = -1
-    part = replace(
+    cropped = replace(
         grid,
         cell_index=grid.cell_index.take(cells, axis=0),
         cell_level=grid.cell_level[cells],
@@ -255,11 +255,12 @@ def _crop_grid(model: Model, chosen: np.ndarray, cells: np.ndarray):
         phantoms=0,  # none that could be taken off again
     )
     cell_nodes = number[model.cell_nodes.take(cells, axis=0)]
-    return part, nodes, cell_nodes, model.held.take(nodes, axis=0) | shared[nodes, None]
+    return cropped, nodes, cell_nodes, model.held.take(nodes, axis=0) | shared[nodes, None]
 
 
 def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray) -> tuple[Particles, np.ndarray]:
-    """Particles of the chosen cells (cell,) bool, and their indices in the whole; number (cell,): the part's cells."""
+    """Particles of the chosen cells (cell,) bool, and their indices in the whole; number (cell,): the subdomain's
+    cells."""
     groups = np.flatnonzero(chosen[particles.cell[particles.group_start[:-1]]])
     indices = np.flatnonzero(chosen[particles.cell])
     start = np.append(0, np.cumsum(np.diff(particles.group_start)[groups]))
@@ -282,7 +283,7 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
 
 
 def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, number: np.ndarray) -> Brittle:
-    """The brittle rock of the particles `indices` and the cells `cells`; number (cell,) of a cell in the part, -1
+    """The brittle rock of the particles `indices` and the cells `cells`; number (cell,) of a cell in the subdomain, -1
     outside."""
     place = _numbers(indices, len(brittle.present))
     sound, sliver, coarse = (

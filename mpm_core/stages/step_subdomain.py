@@ -164,12 +164,12 @@ class _Excerpt:
 def step_subdomain_of(whole: StepCells) -> StepSubdomain | None:
     """The subdomain of a step that has begun, in equilibrium; None where the whole mine is the better place for it.
 
-    That is where it is small or the step changes much of it, for a scheme that has no parts, where all of the mine is
+    That is where it is small or the step changes much of it, for a scheme without subdomains, where all of the mine is
     needed (the last state in equilibrium, the weakest rock), and where loads or strains act on what may be beyond.
     """
     model, scene = whole.model, whole.ground.scene
-    in_parts = isinstance(whole.scheme, SchemeWithSubdomains) and not needs_whole_mine(scene.solver)
-    if not in_parts or scene.loads or scene.strains or whole.step == 0 or len(model.cell_nodes) < MIN_MINE_CELLS:
+    divisible = isinstance(whole.scheme, SchemeWithSubdomains) and not needs_whole_mine(scene.solver)
+    if not divisible or scene.loads or scene.strains or whole.step == 0 or len(model.cell_nodes) < MIN_MINE_CELLS:
         return None
     change = np.abs(whole.ramp.target - whole.ramp.start).max(axis=1)
     nodes = change > MIN_FORCE_CHANGE_SHARE * change.max(initial=0.0)
