@@ -17,8 +17,7 @@ from mpm_core.geometry import (
     contains,
     popcount,
     sample_mask,
-    sampling,
-    volume,
+    solids,
 )
 from mpm_core.geometry import inside as inside_module
 from tests.geometry import solid_twins
@@ -147,7 +146,7 @@ def test_masks_are_contains_at_the_sample_points_by_sum_and_by_tree(monkeypatch)
     ball = build_shape({"name": "s", "shape": "sphere", "center": [3.1, 3.2, 3.3], "radius": 2}, 3)
     index = cells(6, 6, 6)
     mask = sample_mask(ball, ORIGIN, 1.0, index)
-    points = (index[:, None, :] + sampling.sample_points(3).T).reshape(-1, 3)
+    points = (index[:, None, :] + inside_module.sample_points(3).T).reshape(-1, 3)
     bits = (mask[:, None] >> np.arange(64, dtype=np.uint64)) & np.uint64(1)
     np.testing.assert_array_equal(bits.ravel().astype(bool), contains(ball, points))
     few = build_shape({"name": "c", "shape": "cylinder", "start": [1, 1, 1], "end": [5, 5, 5], "radius": 1}, 3)
@@ -187,7 +186,7 @@ def test_summing_only_near_facets_changes_no_bit(monkeypatch, inverted):
 
 def test_reference_sample_on_the_surface_spoils_no_other(monkeypatch):
     """A face through sample 21, from which the others are counted: only points in that plane may go either way."""
-    points = sampling.sample_points(3)
+    points = inside_module.sample_points(3)
     solid = lattice_box([9 + points[0, 21], 5, 5], [30, 30, 30])
     index = cells(1, 20, 20, start=9)
     mask = sample_mask(solid, ORIGIN, 1.0, index)
@@ -200,8 +199,11 @@ def test_reference_sample_on_the_surface_spoils_no_other(monkeypatch):
 def test_sample_points_are_their_own_image_in_mirrors_and_exchanges_of_axes():
     """One in each sub-cell; along each axis at 32 (3-D: 16) evenly spaced places, as many at each."""
     for dimension, per_edge in ((2, 8), (3, 4)):
-        nudge = np.where(sampling.sample_points(dimension) > 0.5, 1, -1) * sampling.SAMPLE_OFFSET[:dimension, None]
-        points = sampling.sample_points(dimension) - nudge
+        nudge = (
+            np.where(inside_module.sample_points(dimension) > 0.5, 1, -1)
+            * inside_module.SAMPLE_OFFSET[:dimension, None]
+        )
+        points = inside_module.sample_points(dimension) - nudge
         places = {2: 32, 3: 16}[dimension]
         for axis in points:
             np.testing.assert_allclose(np.sort(axis), np.repeat((np.arange(places) + 0.5) / places, 64 // places))
@@ -212,9 +214,9 @@ def test_sample_points_are_their_own_image_in_mirrors_and_exchanges_of_axes():
             return {tuple(point) for point in points.T.round(9)}
 
         for axis in range(dimension):
-            mirrored = sampling.sample_points(dimension)
+            mirrored = inside_module.sample_points(dimension)
             mirrored[axis] = 1.0 - mirrored[axis]
-            assert rounded(mirrored) == rounded(sampling.sample_points(dimension))
+            assert rounded(mirrored) == rounded(inside_module.sample_points(dimension))
         assert rounded(np.roll(points, 1, axis=0)) == rounded(points)
 
 
@@ -366,9 +368,9 @@ def test_a_body_on_its_hull_has_the_volume_that_cells_would_add_up(seed, monkeyp
     box = build_shape({"name": "b", "shape": "box", "lower": [-3, -2, -1], "upper": [3, 2, 1]}, 3)
     corners = (box.vertices @ turn)[box.facets]
     lower, upper = np.array([-9.0, -9.0, -0.5]), np.full(3, 9.0)
-    assert volume.is_on_its_hull(corners)
-    assert not volume.is_on_its_hull(np.concatenate([corners, corners + 1.0]))
-    once = volume.volume_within(corners, True, lower, upper)
-    assert volume.volume_within(np.repeat(corners, 2, axis=0), True, lower, upper) == pytest.approx(once, rel=0.02)
-    monkeypatch.setattr(volume, "is_on_its_hull", lambda corners: False)
-    assert volume.volume_within(corners, True, lower, upper) == once
+    assert solids.is_on_its_hull(corners)
+    assert not solids.is_on_its_hull(np.concatenate([corners, corners + 1.0]))
+    once = solids.volume_within(corners, True, lower, upper)
+    assert solids.volume_within(np.repeat(corners, 2, axis=0), True, lower, upper) == pytest.approx(once, rel=0.02)
+    monkeypatch.setattr(solids, "is_on_its_hull", lambda corners: False)
+    assert solids.volume_within(corners, True, lower, upper) == once
