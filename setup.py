@@ -4,9 +4,10 @@ from setuptools import find_packages, setup
 
 # The defaults, the shipped mines and the profiles stand beside the packages here, and within `workflow` when installed.
 DATA = {"workflow.config": "config", "workflow.profiles": "profiles"}
+ENDINGS = ("smk", "yaml", "rst", "j2", "js", "css", "txt")
 
 setup(
     packages=[*find_packages(exclude=["tests*", "docs*"]), *DATA],
     package_dir=DATA,
-    package_data={"": ["**/*.smk", "**/Snakefile", "**/*.yaml", "**/*.rst", "**/*.j2", "**/*.js", "**/*.css", "**/*.txt"]},
+    package_data={"": [f"**/{name}" for name in ("Snakefile", *(f"*.{ending}" for ending in ENDINGS))]},
 )

@@ -19,7 +19,6 @@ from catalogs.report.text import typeset
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
 from common.pages import page_templates
-from common.provenance import comment
 from plans.layout import ANY, PlanSummary, read_outcome
 from plans.sentences import interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
@@ -34,15 +33,15 @@ MAX_COLUMNS = 3
 
 
 def report_stage(
-    given: Mapping, made_from: str, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path
+    given: Mapping, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path
 ) -> None:
     """Write the page of all plans (`output`) and the table.
 
-    given: the stage's slice (PlansReportSlice); made_from: digest of its inputs, kept at the end of the page; outcomes:
-    outcome.nc of each plan, that which others are compared with first.
+    given: the stage's slice (PlansReportSlice); outcomes: outcome.nc of each plan, that which others are compared with
+    first.
     """
     plans = [read_outcome(path) for path in outcomes]
-    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, made_from)
+    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table)
 
 
 def write_report(
@@ -51,7 +50,6 @@ def write_report(
     settings: PlansReportSlice,
     page: Path,
     table: Path,
-    made_from: str,
 ) -> None:
     """Write the page, which needs nothing else, its figures in the same folder, and the table, atomically.
 
@@ -99,7 +97,7 @@ def write_report(
     )
     write_table(table, plans, hazard)
     with atomic_path(page) as temporary:
-        temporary.write_text(f"{text.rstrip()}\n{comment(made_from)}", encoding="utf-8")
+        temporary.write_text(f"{text.rstrip()}\n", encoding="utf-8")
 
 
 def step_order(plans: Sequence[PlanSummary]) -> list[str]:

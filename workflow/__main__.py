@@ -4,9 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from common.command_line import CommandLine
+from common.job import read_job, remove_earlier, stage_of
 from common.stage import run_stage
 from workflow.stages import stages
-from common.job import read_job, remove_earlier, stage_of
 
 
 def main() -> None:

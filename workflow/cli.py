@@ -6,14 +6,14 @@ from pathlib import Path
 USAGE = """\
 usage: rockburst-mpm <mine>.yaml [targets] [options of Snakemake]
 
-It runs Snakemake on a mine's file, on all cores unless --cores says otherwise. Results go to the folder `results` of the
-working directory. Targets and options are those of `snakemake`; `snakemake --help` lists the options.
+It runs Snakemake on a mine's file, on all cores unless --cores says otherwise. Results go to the folder `results` of
+the working directory. Targets and options are those of `snakemake`; `snakemake --help` lists the options.
 """
 INSTALLED = Path(__file__).resolve().parent
 
 
 def arguments(words: list[str]) -> list[str]:
-    """Snakemake's arguments for a mine's file and further words. Ends with exit status 2 and the usage without a file."""
+    """Snakemake's arguments for a mine's file and further words. Without a file it prints the usage and ends."""
     if not words or words[0].startswith("-"):
         print(USAGE, end="", file=sys.stderr)
         sys.exit(0 if words[:1] in (["-h"], ["--help"]) else 2)

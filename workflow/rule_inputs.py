@@ -8,9 +8,9 @@ from snakemake.io import unpack
 from snakemake.iocontainers import Wildcards
 
 from common.errors import InputError
+from common.job import write_job
 from workflow.folders import Folders
 from workflow.stages import stages
-from common.job import write_job
 
 Paths = str | list[str]
 Given = Paths | Callable[[Wildcards], Paths]

@@ -1,12 +1,11 @@
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import xarray as xr
 from catalog_fixtures import made_up_catalog
+from job_runs import run_job
 
 from catalogs.comparison import compare
 from catalogs.comparison_layout import FACE_FIELDS, FIELDS
@@ -342,15 +341,16 @@ def test_faults_are_named():
         compare(catalog, as_record(catalog, mine="other"), QUICK)
 
 
-def test_command_lines_write_the_same_bytes_with_one_thread_or_two(tmp_path):
+def test_the_stage_writes_the_same_bytes_with_one_thread_or_two(tmp_path):
     write_dataset(made_up_catalog(150), tmp_path / "catalog.nc")
     write_dataset(as_record(made_up_catalog(200, seed=9)), tmp_path / "record.nc")
+    inputs = {name: tmp_path / f"{name}.nc" for name in ("catalog", "record")}
+    found = []
     for threads in ("1", "2"):
-        line = [sys.executable, "-m", "catalogs", "compare", "--catalog", str(tmp_path / "catalog.nc")]
-        (tmp_path / "slice.json").write_text(json.dumps(QUICK))
-        line += ["--record", str(tmp_path / "record.nc"), "--settings", str(tmp_path / "slice.json")]
-        line += ["--output", str(tmp_path / f"comparison{threads}.nc"), "--log", str(tmp_path / "log")]
-        environment = {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads, "PATH": "/usr/bin"}
-        subprocess.run(line, check=True, env=environment)
-    assert (tmp_path / "comparison1.nc").read_bytes() == (tmp_path / "comparison2.nc").read_bytes()
-    assert "config_hash" in read_dataset(tmp_path / "comparison1.nc").attrs
+        environment = {"OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+        outputs = [tmp_path / threads / "comparison.nc"]
+        done = run_job(tmp_path, "comparison", {"comparison": QUICK | {"steps": []}}, outputs, environment, **inputs)
+        assert done.returncode == 0, done.stderr
+        found.append(outputs[0].read_bytes())
+    assert found[0] == found[1]
+    assert "config_hash" in read_dataset(outputs[0]).attrs

@@ -1,12 +1,11 @@
 """Members of an ensemble in the comparison: read from their folders, checked, and part of the model."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from catalog_fixtures import made_up_catalog
+from job_runs import run_job
 from test_comparison import QUICK, as_record
 
 from catalogs.comparison import compare
@@ -50,13 +49,13 @@ def test_a_member_too_few_or_of_another_mine_is_refused():
         compare(catalog, as_record(catalog), QUICK | {"members": 1}, [catalog.assign_attrs(mine="other")])
 
 
-def test_the_command_line_takes_folders_of_members(tmp_path):
+def test_the_stage_takes_folders_of_members(tmp_path):
     folders = [write_member(tmp_path / str(k), made_up_catalog(150, seed=k)) for k in (1, 2)]
     write_events(made_up_catalog(150), tmp_path / "catalog.nc")
     write_events(as_record(made_up_catalog(200, seed=9)), tmp_path / "record.nc")
-    (tmp_path / "slice.json").write_text(json.dumps(QUICK | {"steps": STEPS, "members": 2}))
-    line = [sys.executable, "-m", "catalogs", "compare", "--catalog", str(tmp_path / "catalog.nc")]
-    line += ["--record", str(tmp_path / "record.nc"), "--settings", str(tmp_path / "slice.json")]
-    line += ["--members", *map(str, folders), "--output", str(tmp_path / "comparison.nc")]
-    subprocess.run(line, check=True)
+    settings = {"comparison": QUICK | {"steps": STEPS, "members": 2}}
+    inputs = {name: tmp_path / f"{name}.nc" for name in ("catalog", "record")}
+    members = [folder / "events" for folder in folders]
+    done = run_job(tmp_path, "comparison", settings, [tmp_path / "comparison.nc"], members=members, **inputs)
+    assert done.returncode == 0, done.stderr
     assert json.loads(read_dataset(tmp_path / "comparison.nc").attrs["settings"])["members"] == 2

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
+from job_runs import run_job
 
 from catalogs.comparison import compare
 from catalogs.geographic_frame import MineFrame
@@ -295,19 +296,15 @@ def test_time_of_another_zone_is_utc():
     assert parse_time("2019-08-01T02:00+02:00", "key") == np.datetime64("2019-08-01", "ns")
 
 
-def test_command_line_writes_the_record_or_one_line(tmp_path):
+def test_the_stage_writes_the_record_or_one_line(tmp_path):
     settings = settings_for(tmp_path)
-    line = [sys.executable, "-m", "catalogs", "record", "--output", str(tmp_path / "record.nc")]
-    slice_ = tmp_path / "slice.json"
-    line += ["--log", str(tmp_path / "record.log"), "--settings", str(slice_)]
-    slice_.write_text(json.dumps(settings))
-    subprocess.run(line, check=True)
+    done = run_job(tmp_path, "record", settings, [tmp_path / "record.nc"])
+    assert done.returncode == 0, done.stderr
     record = read_dataset(tmp_path / "record.nc")
     assert record.sizes["event"] == 3
     assert {"config_hash", "source_hash", "versions", "frame"} <= set(record.attrs)
     before = (tmp_path / "record.nc").read_bytes()
-    slice_.write_text(json.dumps(settings | {"filter": {"start": "2030"}}))
-    failed = subprocess.run(line, capture_output=True, text=True)
+    failed = run_job(tmp_path, "record", settings | {"filter": {"start": "2030"}}, [tmp_path / "record.nc"])
     assert failed.returncode != 0
     (said,) = [row for row in failed.stderr.splitlines() if "; log: " not in row]  # which a slow stage says, too
     assert "record.filter.start" in said

@@ -7,9 +7,7 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from common.slices import read_slice
-from common.sources import ROOT
-from workflow.stage_inputs import SliceFiles
+from job_runs import ROOT
 
 from common.datasets import MIN_VALUES_COMPRESSED, checksum, open_dataset, read_dataset, rows_of_chunk, write_dataset
 from common.errors import InputError
@@ -122,13 +120,3 @@ def test_chunks_are_of_one_size(rows):
     chunk = rows_of_chunk(rows)
     chunks = -(-rows // chunk)
     assert 0 <= chunks * chunk - rows < chunks
-
-
-def test_a_slice_whose_content_is_not_of_its_name_is_refused(tmp_path, monkeypatch):
-    """The name of a slice ends in the hash of its content."""
-    monkeypatch.chdir(tmp_path)
-    path = SliceFiles(at_once=True).name("mine", "grid", {"levels": 2})
-    text = (tmp_path / path).read_text()
-    (tmp_path / path).write_text(text.replace("2", "3"))
-    with pytest.raises(InputError, match=r"grid\.[0-9a-f]+\.json: damaged"):
-        read_slice(path)

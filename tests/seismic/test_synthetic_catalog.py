@@ -1,18 +1,17 @@
 """The catalogue of all dated steps, as dataset and table, and the two command lines end to end."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
 import pytest
+from job_runs import run_job
 from numpy.testing import assert_allclose, assert_array_equal
 
 from common.datasets import write_dataset
 from common.errors import InputError
 from common.event_table import NAMES, ON_PLANES, read_events, write_events
-from common.provenance import provenance
+from common.job import read_job
 from seismic.catalog import merge, write_csv
 from seismic.events import extract_events
 
@@ -151,20 +150,15 @@ def test_table_holds_the_catalog(event_steps, tmp_path):
     assert b"\r" not in (tmp_path / "catalog.csv").read_bytes()
 
 
-def run_seismic(*arguments):
-    """Run the command line as the workflow does."""
-    return subprocess.run([sys.executable, "-m", "seismic", *arguments], capture_output=True, text=True, check=False)
-
-
 def told(done) -> list[str]:
     """Lines on the terminal, but for those that tell where a stage of more than a second stands."""
     return [line for line in done.stderr.splitlines() if "; log: " not in line and "compiling" not in line]
 
 
 @pytest.mark.parametrize("planes", [False, True])
-def test_command_lines_end_to_end(planes, make_scattered_step, make_settings, tmp_path):
-    """events, then catalog; the same bytes as from the functions in this process; the budget in the log. Rock with weak
-    planes, too."""
+def test_the_stage_of_the_events_end_to_end(planes, make_scattered_step, make_settings, tmp_path):
+    """Events and their catalogue: the same bytes as from the functions in this process; the budget in the log. Rock
+    with weak planes, too."""
     step = make_scattered_step(2, 150, **AUGUST)
     if planes:
         step = step.assign(material=("particle", np.arange(step.sizes["particle"], dtype=np.int16) % 2)).assign_attrs(
@@ -172,46 +166,36 @@ def test_command_lines_end_to_end(planes, make_scattered_step, make_settings, tm
             elastic_moduli=json.dumps({"fault": [2e10, 1e10], "host": [2e10, 2e10]}),
             plane_normals=json.dumps({"fault": [0.0, 0.0, 1.0]}),
         )
-    (tmp_path / "slice.json").write_text(json.dumps(make_settings()))
-    settings = str(tmp_path / "slice.json")
     write_dataset(step, tmp_path / "step.nc")
-    done = run_seismic(
-        *("events", "--step", str(tmp_path / "step.nc"), "--settings", settings),
-        *("--output", str(tmp_path / "events.nc"), "--log", str(tmp_path / "events.log")),
-    )
+    own, dates = make_settings(), {key: make_settings()[key] for key in ("start", "end")}
+    common = {key: own[key] for key in own if key not in dates}
+    settings = {"seismic": common, "steps": [{"name": "2019-08", "dates": dates}]}
+    outputs = [tmp_path / "events", tmp_path / "catalog.nc"]
+    done = run_job(tmp_path, "events", settings, outputs, steps=[tmp_path / "step.nc"])
     assert (done.returncode, len(told(done))) == (0, 1), done.stderr
     assert "potency budget" in (tmp_path / "events.log").read_text()
-    done = run_seismic(
-        *("catalog", "--events", str(tmp_path / "events.nc"), "--settings", settings),
-        *("--output", str(tmp_path / "catalog.nc"), "--csv", str(tmp_path / "catalog.csv")),
-        *("--log", str(tmp_path / "catalog.log")),
-    )
-    assert (done.returncode, len(told(done))) == (0, 1), done.stderr
 
-    events, _ = extract_events(step, make_settings())
-    made = provenance(make_settings(), "seismic events", [tmp_path / "step.nc"])
+    events, _ = extract_events(step, own)
+    made = read_job(done.args[3]).record()
     write_events(events.assign_attrs(made), tmp_path / "here_events.nc")
     catalog = merge([read_events(tmp_path / "here_events.nc")])
-    made = provenance(make_settings(), "seismic catalog", [tmp_path / "here_events.nc"])
     write_events(catalog.assign_attrs(made), tmp_path / "here_catalog.nc")
-    write_csv(catalog, tmp_path / "here_catalog.csv")
+    write_csv(catalog, tmp_path / "catalog.csv")
     table = pd.read_csv(tmp_path / "catalog.csv")
     assert len(table) == events.sizes["event"]
     assert ("on_planes" in table) == planes
-    for name in ("events.nc", "catalog.nc", "catalog.csv"):
-        assert (tmp_path / name).read_bytes() == (tmp_path / f"here_{name}").read_bytes()
+    assert (outputs[0] / "2019-08.nc").read_bytes() == (tmp_path / "here_events.nc").read_bytes()
+    assert outputs[1].read_bytes() == (tmp_path / "here_catalog.nc").read_bytes()
 
 
-def test_command_line_errors_are_one_line_and_leave_no_output(make_scattered_step, make_settings, tmp_path):
+def test_errors_of_the_stage_are_one_line_and_leave_no_output(make_scattered_step, make_settings, tmp_path):
     write_dataset(make_scattered_step(2, 150).drop_vars("volume"), tmp_path / "step.nc")
-    (tmp_path / "slice.json").write_text(json.dumps(make_settings()))
-    done = run_seismic(
-        *("events", "--step", str(tmp_path / "step.nc"), "--settings", str(tmp_path / "slice.json")),
-        *("--output", str(tmp_path / "events.nc"), "--log", str(tmp_path / "events.log")),
-    )
+    settings = {"seismic": make_settings(), "steps": [{"name": "2019-08", "dates": {"start": "", "end": ""}}]}
+    outputs = [tmp_path / "events", tmp_path / "catalog.nc"]
+    done = run_job(tmp_path, "events", settings, outputs, steps=[tmp_path / "step.nc"])
     assert done.returncode == 1
     assert len(told(done)) == 1, done.stderr
     assert "step.nc: step 2019-08: not a mining step, it lacks volume" in done.stderr
     assert "Traceback" in (tmp_path / "events.log").read_text()
-    assert not (tmp_path / "events.nc").exists()
-    assert not list(tmp_path.glob("*.part"))
+    assert not list((tmp_path / "events").iterdir())
+    assert not list(tmp_path.rglob("*.part"))

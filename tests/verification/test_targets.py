@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+from common.sources import source_hash
 from snakemake.iocontainers import Wildcards
 
-from common.sources import source_hash
 from verification.targets import Studies
 
 ROOT = Path(__file__).parents[2]

@@ -1,6 +1,5 @@
 """What every stage shares: whole files or none, the same bytes, one line on error, a cache per version of sources."""
 
-import logging
 import os
 import shutil
 import subprocess
@@ -11,11 +10,10 @@ import pytest
 import xarray as xr
 from tiny_mines import ROOT
 
-from common import provenance, stage
+from common import provenance
 from common.datasets import atomic_path, read_dataset, write_dataset
 from common.errors import InputError
-from common.provenance import config_hash
-from workflow.terminal import OneLine
+from common.job import config_hash
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -283,100 +281,3 @@ def test_a_stage_that_takes_long_says_what_it_does_and_where_it_stands(tmp_path)
     assert 1 <= len(between) <= 2
     assert all(line.startswith("elastic tiny: increment 1 of 2 (") for line in between), between
     assert last.endswith(" MiB")
-
-
-def test_a_stage_whose_pipeline_is_gone_does_not_start(tmp_path):
-    """The parent named in the environment ended before the stage could ask to end with it."""
-    with subprocess.Popen([sys.executable, "-c", ""]) as parent:
-        parent.wait()
-    environment = os.environ | {stage.PIPELINE_PROCESS: str(parent.pid)}
-    script = STAGE.format(body="open(sys.argv[1] + '.made', 'w')")
-    run = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log")], cwd=ROOT, env=environment)
-    assert run.returncode == 1
-    assert list(tmp_path.iterdir()) == []
-
-
-WORKFLOW = """
-import os, subprocess, sys
-from common.stage import STAGE_CORES, tell_stages
-
-tell_stages(5)
-stage = "import os, sys; from common.stage import leave_cores_to_others as leave, threads_on; leave(); " \
-    "print(os.sched_getscheduler(0) == os.SCHED_IDLE, threads_on(int(sys.argv[1])), os.environ['OMP_NUM_THREADS'])"
-def run(cores):
-    subprocess.run([sys.executable, "-c", stage, cores], env=os.environ | {STAGE_CORES: cores}, check=True)
-
-with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
-    run("0")
-    run("3")
-    other.communicate(b"")
-run("0")
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such scheduler")
-def test_a_stage_without_a_core_leaves_cores_to_a_stage_that_works(monkeypatch):
-    """One with cores does not, and alone it would leave them to other users of the machine."""
-    monkeypatch.setenv("OMP_NUM_THREADS", "0")  # as Snakemake does
-    run = subprocess.run([sys.executable, "-c", WORKFLOW], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert run.stdout.splitlines() == ["True 2 2", "False 3 0", "False 5 5"]
-
-
-FAILED = "RuleException:\nCalledProcessError in file \"x.smk\", line 3:\nCommand 'stage --output a.nc --log l' "
-
-
-def record(message: str, event: str | None = None) -> logging.LogRecord:
-    """A message as Snakemake's logger passes it on."""
-    from snakemake_interface_logger_plugins.common import LogEvent
-
-    values = {"event": LogEvent(event)} if event else {}
-    return logging.makeLogRecord({"msg": message, **values})
-
-
-@pytest.mark.parametrize(
-    ("message", "event", "shown"),
-    [
-        ("Select jobs to execute...", None, False),
-        ("Nothing to be done (all requested files are present and up to date).", None, True),
-        ("3 of 12 steps (25%) done", "progress", True),
-        ("Finished jobid: 1", "job_finished", False),
-        ("Cannot restore results/tiny/elastic.nc: no backup found.", None, False),
-        ("Removing output files of failed job report since they might be corrupted:\nfigures", None, False),
-        (FAILED + "returned non-zero exit status 1.", "error", False),
-        (FAILED + "died with <Signals.SIGKILL: 9>.", "error", True),
-        ("LockException:\nDirectory cannot be locked.", "error", True),
-        ("MissingInputException in rule grid", "error", True),
-    ],
-)
-def test_terminal_drops_chatter_and_keeps_errors(message, event, shown):
-    """What the stage has told itself is not told again; what it could not tell is."""
-    assert OneLine().filter(record(message, event)) == shown
-
-
-def test_a_job_that_a_cluster_ended_is_told_with_its_logs():
-    """Its stage cannot say so on this terminal. A stage on this machine has said it itself."""
-    one = record("Error in rule grid, jobid: 3", "job_error")
-    one.output, one.log = ["results/tiny/grid.nc (update)"], ["logs/tiny/grid.log", "slurm/19.log"]
-    one.rule_msg = "SLURM-job '19' failed, SLURM status is: 'TIMEOUT'.For further error details see the cluster's log."
-    assert OneLine().filter(one)
-    told = "results/tiny/grid.nc: SLURM-job '19' failed, SLURM status is: 'TIMEOUT'; see "
-    assert one.msg == told + "logs/tiny/grid.log and slurm/19.log"
-    assert one.event is None  # shown where rules are quiet
-    local = record("Error in rule grid, jobid: 3", "job_error")
-    local.rule_msg = None
-    assert OneLine().filter(local)
-    assert local.event is not None
-
-
-def test_the_table_of_jobs_is_told_once():
-    """A dry run of Snakemake shows it twice."""
-    one, table = OneLine(), record("Job stats:\njob  count", "run_info")
-    assert [one.filter(table), one.filter(table)] == [True, False]
-
-
-def test_a_killed_stage_is_told_without_its_command():
-    """The out-of-memory killer leaves a stage no time for a line of its own."""
-    one = record(FAILED + "died with <Signals.SIGKILL: 9>.", "error")
-    assert OneLine().filter(one)
-    assert one.msg.startswith("a.nc: died with <Signals.SIGKILL: 9>.")
-    assert "\n" not in one.msg

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from tiny_mines import TINY, snakemake
-from workflow.rule_memory import COMPILING, mechanics_mb, reading_mb
 
 from common.datasets import write_dataset
 from mpm_core.settings import SolverSettings
 from mpm_core.stages.stage_memory import BASE_BYTES, stage_bytes
 from mpm_core.stages.step_cells import SCHEMES
+from workflow.rule_resources import COMPILING, mechanics_mb, reading_mb
 
 
 @pytest.fixture
@@ -75,15 +75,15 @@ def test_rules_know_it_once_the_grid_stands(undisturbed, tiny_file, tmp_path, ac
     status, text = snakemake(tiny_file, tmp_path / "new", "--dry-run", "--quiet", "host")
     assert status == 0, text
     later = {rule for rule, amounts in asked(text).items() if amounts == {"<TBD>"}}
-    assert later == {"elastic", "mining_step", "events", "closeness", "report"}
+    assert later == {"elastic", "step", "events", "catalogue", "report"}
     status, text = snakemake(tiny_file, undisturbed[0], "--dry-run", "--quiet", "host", "--forceall")
     assert status == 0, text
     grid = str(undisturbed[0] / "results/tiny/grid.nc")
     assert asked(text)["elastic"] == {str(mechanics_mb(accept(TINY), grid, elastic=True))}
     states = [str(undisturbed[0] / "results/tiny" / name) for name in ("elastic.nc", *STEPS)]
     asked_for = {str(mechanics_mb(accept(TINY), state, elastic=False)) for state in states[:-1]}
-    assert asked(text)["mining_step"] == asked_for  # that of the step before, whose cells it starts from
-    assert asked(text)["events"] == {str(reading_mb(accept(TINY), grid, "events", [state])) for state in states[1:]}
+    assert asked(text)["step"] == asked_for  # that of the step before, whose cells it starts from
+    assert asked(text)["events"] == {str(reading_mb(accept(TINY), grid, "events", states[1:]))}
 
 
 def test_a_job_that_is_started_again_asks_for_more(undisturbed, tiny_file):
@@ -93,6 +93,6 @@ def test_a_job_that_is_started_again_asks_for_more(undisturbed, tiny_file):
         for number in ("1", "2")
     )
     constant = {rule for rule in once if once[rule] == twice[rule]} - {"all"}
-    assert constant == {"record", "catalog", "quakeml", "compare"}
+    assert constant == {"record", "report_page"}
     for rule in once.keys() - constant - {"all"}:
         assert twice[rule] == {str(2 * int(amount)) for amount in once[rule]}

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from workflow.mine import Mine
 from common.job import Job
+from workflow.mine import Mine
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = ("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans")

@@ -1,13 +1,13 @@
 """Stages of a calibration: trials, the points of further trials, and the fit."""
 
-from workflow.stages import stage
 from common.job import Job
+from workflow.stages import stage
 
 
 @stage("mpm_core", "seismic", "calibration")
 def trial(job: Job) -> None:
     """a run of the mine with other values of the calibrated quantities"""
-    from calibration.extractions import joined
+    from calibration.trials import join_extractions
     from common.event_table import write_events
     from mpm_core.kernels.threads import use_threads
     from seismic.catalog import merge
@@ -21,7 +21,7 @@ def trial(job: Job) -> None:
     # One catalogue for each setting of the extraction; the potency of undated steps came before the record.
     before = sum(float(sets[0].potency.sum()) for sets in by_step.values() if not sets[0].attrs["dated"])
     catalogues = [merge(list(sets)) for sets in zip(*by_step.values(), strict=True)]
-    made = joined(catalogues).assign_attrs(potency_before_record=before)
+    made = join_extractions(catalogues).assign_attrs(potency_before_record=before)
     write_events(made.assign_attrs(job.record()), job.output())
 
 
@@ -30,7 +30,8 @@ def further(job: Job) -> None:
     """where further trials teach most"""
     from calibration.stages import further_stage
 
-    further_stage(job.settings, _read(job), job.output())
+    trials, finer = job.paths("trials"), job.paths("finer")
+    further_stage(job.settings, trials=trials, finer=finer, record=job.input("record"), output=job.output())
 
 
 @stage("calibration")
@@ -38,12 +39,6 @@ def calibrate(job: Job) -> None:
     """the calibrated quantities, from all trials and the record"""
     from calibration.stages import fit_stage
 
+    files = {name: job.paths(name) for name in ("trials", "finer")}
     page, table = job.outputs[:2]
-    fit_stage(job.settings, _read(job), len(job.paths("finer")), page, table)
-
-
-def _read(job: Job):
-    """The calibration of the trials to the record."""
-    from calibration.stages import read_calibration
-
-    return read_calibration(job.settings, job.paths("trials"), job.paths("finer"), job.input("record"))
+    fit_stage(job.settings, **files, record=job.input("record"), output=page, table=table)

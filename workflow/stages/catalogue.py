@@ -4,8 +4,8 @@ import json
 import logging
 from pathlib import Path
 
-from workflow.stages import stage
 from common.job import Job
+from workflow.stages import stage
 
 
 @stage("catalogs", settings=lambda mine, wildcards: mine.record_slice())
@@ -61,12 +61,13 @@ def _events_of(state: str, settings: dict):
 @stage("seismic", "catalogs", settings=lambda mine, wildcards: mine.event_slice())
 def catalogue(job: Job) -> None:
     """The catalogue as a table and as QuakeML, and sizes of events at several values of closeness"""
+    from seismic.closeness import sizes_by_closeness
+
     from catalogs.quakeml import write_quakeml
     from common.datasets import read_dataset, write_dataset
     from common.event_table import read_events
     from common.part_centers import PLACE_VARIABLES
     from seismic.catalog import write_csv
-    from seismic.closeness import sizes_by_closeness
     from seismic.event_settings import EventSettings
     from seismic.events import ROCK_VARIABLES
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from common.job import Job
 from workflow.mine import Mine
 from workflow.stages import stage
-from common.job import Job
 
 
 def comparison_settings(mine: Mine) -> dict:
@@ -76,19 +76,9 @@ def _with_companion(job: Job, catalog):
 
 def _with_forecasts(job: Job):
     """forecast_scores.nc"""
-    import json
+    from plans.scores import score_stage
 
-    from common.datasets import read_dataset
-    from common.event_table import read_events
-    from plans.layout import read_outcome
-    from plans.score_sentences import sentences
-    from plans.scores import score
-    from plans.settings import ScoreSlice
-
-    settings = ScoreSlice.of(job.settings["forecast_scores"], "forecasts")
-    forecasts = [read_outcome(one.file) for one in settings.forecasts]
-    found = score(forecasts, read_events(job.input("record")), read_dataset(job.input("grid")), settings)
-    return found.assign_attrs(sentences=json.dumps(sentences(found), ensure_ascii=False))
+    return score_stage(job.settings["forecast_scores"], record=job.input("record"), grid=job.input("grid"))
 
 
 @stage("catalogs", settings=lambda mine, wildcards: mine.report_slice())

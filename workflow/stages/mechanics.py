@@ -3,9 +3,9 @@
 import logging
 from contextlib import ExitStack
 
+from common.job import Job
 from workflow.mine import Mine
 from workflow.stages import stage
-from common.job import Job
 
 
 @stage("mpm_core", settings=lambda mine, wildcards: mine.grid_slice())

@@ -3,23 +3,19 @@
 import datetime
 import shutil
 
+from common.job import MADE_FROM, Job
 from common.result_folders import FORECASTS
 from workflow.stages import stage
-from common.job import MADE_FROM, Job
 
 
 @stage("plans")
 def plan_outcome(job: Job) -> None:
     """what the runs of a plan made, and the hazard that follows"""
-    from common.datasets import read_dataset, write_dataset
-    from common.event_table import read_events
-    from plans.outcome import make_outcome
-    from plans.settings import OutcomeSlice
+    from common.datasets import write_dataset
+    from plans.outcome import outcome_stage
 
-    settings = OutcomeSlice.of(job.settings, "plans")
-    record = read_events(job.input("record")) if job.paths("record") else None
-    comparison = read_dataset(job.input("comparison"), ["cut"]) if job.paths("comparison") else None
-    found = make_outcome(settings, read_dataset(job.input("grid")), record, comparison)
+    files = {name: job.input_if_any(name) for name in ("record", "comparison")}
+    found = outcome_stage(job.settings, grid=job.input("grid"), **files)
     write_dataset(found.assign_attrs(job.record()), job.output())
     _keep(job)
 
@@ -42,12 +38,8 @@ def _keep(job: Job) -> None:
 @stage("plans")
 def plans(job: Job) -> None:
     """all plans side by side, as a page and a table"""
-    from common.datasets import read_dataset
-    from plans.layout import read_outcome
-    from plans.page import write_report
-    from plans.settings import PlansReportSlice
+    from plans.page import report_stage
 
-    outcomes = [read_outcome(path) for path in job.paths("outcomes")]
     page, table = job.outputs
-    settings = PlansReportSlice.of(job.settings, "plans")
-    write_report(outcomes, read_dataset(job.input("grid")), settings, page, table, job.record()[MADE_FROM])
+    files = {"grid": job.input("grid"), "outcomes": job.paths("outcomes")}
+    report_stage(job.settings, **files, output=page, table=table)

@@ -3,8 +3,8 @@
 import logging
 from pathlib import Path
 
-from workflow.stages import stage
 from common.job import Job
+from workflow.stages import stage
 
 
 @stage("catalogs", settings=lambda mine, wildcards: mine.picture_slice())
