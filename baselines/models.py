@@ -10,14 +10,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.blocks import MIN_BLOCKS
-from catalogs.comparison import compare, record_clusters
-from catalogs.comparison_settings import ComparisonSlice
-from catalogs.event_density import box_around, information_gain
-from catalogs.exposure import Exposure, common_period
-from catalogs.jackknife import INTERVAL_95
-from catalogs.location_errors import location_errors
-from catalogs.sizes import log_potency
+from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.comparison import compare, record_clusters
+from catalogs.settings import ComparisonSlice
+from catalogs.compare.locations import box_around, information_gain
+from catalogs.compare.exposure import Exposure, common_period
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.compare.locations import location_errors
+from catalogs.sources.sizes import log_potency
 
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
 POTENCY, NUMBER = "potency", "number"

@@ -7,7 +7,7 @@ they are.
 
 The number of a month follows from earlier ones by metres of the face or by days: a rate is the earlier number over the
 earlier metres or days. The test is the number test of forecasts with the chance of both numbers: counts are Poisson
-numbers of equal groups of events, whose size is the clustering of the record (catalogs.exposure.total_ratio). So the
+numbers of equal groups of events, whose size is the clustering of the record (catalogs.compare.exposure.total_ratio). So the
 p-values of months that fit are uniform between 0 and 1.
 """
 
@@ -20,13 +20,13 @@ from scipy.stats import t
 
 from baselines.models import Counted, ModelComparison
 from baselines.settings import BaselineReportSlice
-from catalogs.blocks import MIN_BLOCKS
-from catalogs.event_density import UNIFORM_SHARE, information_gain
-from catalogs.exposure import DAY, Exposure, Total, common_period, total_ratio
-from catalogs.face import Face
-from catalogs.jackknife import INTERVAL_95, effective_blocks
-from catalogs.location_errors import location_errors
-from catalogs.sizes import log_potency
+from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.locations import UNIFORM_SHARE, information_gain
+from catalogs.compare.exposure import DAY, Exposure, Total, common_period, total_ratio
+from catalogs.compare.face import Face
+from catalogs.sources.jackknife import INTERVAL_95, effective_blocks
+from catalogs.compare.locations import location_errors
+from catalogs.sources.sizes import log_potency
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # Its multiples, less their whole part, fill 0 to 1 evenly at any number.
 TIMES_IN_STEP = 200  # Times of a step at which the face is looked at.
@@ -220,7 +220,7 @@ class MonthScores:
 def mean_interval(values: NDArray, block: NDArray) -> NDArray:
     """95 % interval (row, 2) of means of values (row, event) whose blocks (event,) are independent.
 
-    The differences d between the mean without a block and the mean are squared and summed (catalogs.jackknife).
+    The differences d between the mean without a block and the mean are squared and summed (catalogs.sources.jackknife).
     Student's t has the degrees of freedom of such a sum of squares, (sum d^2)^2 / sum d^4, at most those of the blocks:
     gains are skewed and blocks few, and the blocks alone make intervals that are too narrow. NaN with fewer than
     MIN_BLOCKS blocks, or where one has nearly all events.

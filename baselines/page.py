@@ -33,11 +33,11 @@ from baselines.month_report import (
 )
 from baselines.months import Months, compare_with_months
 from baselines.settings import BaselineReportSlice, FlawSlice
-from catalogs.event_density import UNIFORM_SHARE
+from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.figures import panels, style, views
-from catalogs.members import read_members
+from catalogs.compare.spread import read_members
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, whole, with_unit
-from catalogs.sizes import log_potency
+from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events
 from common.pages import page_templates

@@ -4,7 +4,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from catalogs.comparison_settings import ComparisonSlice, DatedStep
+from catalogs.settings import ComparisonSlice, DatedStep
 from common.setting_types import AsTuple, Date, Settings, Size, real_number, refusal, whole_number
 from mpm_core.settings import Angle, StrengthPart
 

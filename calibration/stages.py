@@ -29,8 +29,8 @@ from calibration.trials import (
     read_places,
     read_record,
 )
-from catalogs.comparison_settings import DatedStep
-from catalogs.exposure import Exposure, common_period
+from catalogs.compare.exposure import Exposure, common_period
+from catalogs.settings import DatedStep
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events
 

@@ -11,13 +11,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.comparison_settings import DatedStep
-from catalogs.completeness import completeness
-from catalogs.event_density import box_around, information_gain
-from catalogs.exposure import Exposure
-from catalogs.location_errors import location_errors
-from catalogs.sizes import log_potency
-from catalogs.sum_measures import potency_clustering
+from catalogs.compare.exposure import Exposure
+from catalogs.compare.locations import box_around, information_gain, location_errors
+from catalogs.compare.sum_measures import potency_clustering
+from catalogs.settings import DatedStep
+from catalogs.sources.completeness import completeness
+from catalogs.sources.sizes import log_potency
 from common.errors import InputError
 
 BOOTSTRAPS = 2000  # Resamplings of the record's potency.

@@ -1,7 +1,7 @@
 """Difference between two plans: a ratio of totals, its interval, and whether chance explains it.
 
 The ratio of the mean totals of two plans is uncertain for three reasons, and each has an interval of ln ratio: chance
-(catalogs.exposure.total_ratio), the cells (the change of the ratio on cells of twice the size) and the rock (its
+(catalogs.compare.exposure.total_ratio), the cells (the change of the ratio on cells of twice the size) and the rock (its
 scatter over draws of a posterior). On each side of the ratio the distances to their ends are added in quadrature
 (Zou and Donner 2008).
 
@@ -16,10 +16,10 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from catalogs.exposure import Ratio, Total, total_ratio
-from catalogs.grid_convergence import SAFETY_FACTOR
-from catalogs.jackknife import INTERVAL_95
-from catalogs.sum_measures import MIN_RUNS_FOR_VARIANCE, MIN_SCALE_SHARE, mean_total
+from catalogs.compare.exposure import Ratio, Total, total_ratio
+from catalogs.compare.grid_convergence import SAFETY_FACTOR
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE, MIN_SCALE_SHARE, mean_total
 from common.errors import InputError
 from plans.layout import ANY, COARSE, DRAW, LIKE_OWN, OWN
 from plans.record import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS

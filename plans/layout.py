@@ -33,7 +33,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import DTypeLike, NDArray
 
-from catalogs.periods import ALL_STEPS
+from catalogs.settings import ALL_STEPS
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.fields import FILE_REMEDY, TEXT, Field

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from catalogs.exposure import DAY, window
-from catalogs.periods import ALL_STEPS
+from catalogs.compare.exposure import DAY, window
+from catalogs.settings import ALL_STEPS
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import read_events

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from catalogs.exposure import window
+from catalogs.compare.exposure import window
 from catalogs.figures import panels, style, views
 from catalogs.report.text import typeset
 from common.datasets import atomic_path, read_dataset

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from catalogs.comparison import record_clusters
-from catalogs.comparison_settings import DatedStep
-from catalogs.completeness import next_edge, rounding
-from catalogs.exposure import Exposure, common_period, window
-from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
-from catalogs.jackknife import INTERVAL_95
+from catalogs.compare.comparison import record_clusters
+from catalogs.settings import DatedStep
+from catalogs.sources.completeness import next_edge, rounding
+from catalogs.compare.exposure import Exposure, common_period, window
+from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
+from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.records.times import parse_time
-from catalogs.sizes import log_potency
-from catalogs.sum_measures import cluster_size
+from catalogs.sources.sizes import log_potency
+from catalogs.compare.sum_measures import cluster_size
 from common.errors import InputError
 from plans.layout import COARSE, DRAW, LIKE_OWN, OWN
 from plans.runs import StepResult, read_run
@@ -140,7 +140,7 @@ def last_event(record: xr.Dataset) -> np.datetime64:
 
 def known_until(record: xr.Dataset) -> np.datetime64:
     """Time up to which the record is known to reach: its last event, or the end that the configuration states for it
-    (record.filter.end), as far as that leaves no longer silence than chance may (catalogs.periods)."""
+    (record.filter.end), as far as that leaves no longer silence than chance may (catalogs.settings)."""
     last, common = last_event(record), common_period(record)
     stated = record.attrs.get("stated_end")
     return max(last, np.datetime64(common[1], "ns")) if stated and common else last

@@ -9,10 +9,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.comparison_settings import DatedStep
-from catalogs.mined_volumes import volumes_mined
-from catalogs.nearest_opening import nearest_opening
-from catalogs.sizes import log_potency
+from catalogs.settings import DatedStep
+from catalogs.sources.openings import nearest_opening, volumes_mined
+from catalogs.sources.sizes import log_potency
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import check_events

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from catalogs.comparison_settings import DatedStep
+from catalogs.settings import DatedStep
 from common.setting_types import AsTuple, Settings, Unit, real_number, refusal, refuse
 
 Label = Annotated[str, Field(min_length=1, max_length=40)]

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from catalogs.jackknife import INTERVAL_95
-from catalogs.periods import ALL_STEPS
 from catalogs.report.text import DASH, between, fixed, number, typeset
+from catalogs.settings import ALL_STEPS
+from catalogs.sources.jackknife import INTERVAL_95
 from common.datasets import atomic_path
 from plans.differences import NUMBER, POTENCY, Difference, compare
 from plans.layout import ANY, PlanSummary, RunMeans

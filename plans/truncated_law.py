@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.sizes import LN10
+from catalogs.sources.sizes import LN10
 
 B_RANGE = (0.05, 3.0)  # of log potency; b of magnitude is 1.5 times as large
 MAX_DRAWN = 1000  # Events whose sizes are drawn one by one.

@@ -6,10 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from catalogs.face import Face
-from catalogs.face_settings import FacePosition
-from catalogs.periods import ALL_STEPS
+from catalogs.compare.face import Face
 from catalogs.records.times import parse_time
+from catalogs.settings import ALL_STEPS, FacePosition
 from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import is_list
 from mpm_core.constitutive.laws import can_fail

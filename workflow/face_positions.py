@@ -1,7 +1,7 @@
 """The dated positions of a mine's face, from the mine file or from recorded data."""
 
-from catalogs.face_settings import FacePosition, FaceSettings, by_panel
 from catalogs.records.elk_creek_reader import data_folder
+from catalogs.settings import FacePosition, FaceSettings, by_panel
 from workflow.plan import Plan
 
 

@@ -6,9 +6,8 @@ from pydantic import Field, model_validator
 
 from baselines.settings import BaselineSettings
 from calibration.settings import CalibrationSettings
-from catalogs.comparison_settings import ComparisonSettings
-from catalogs.face_settings import FaceSettings
 from catalogs.records import AnyRecord
+from catalogs.settings import ComparisonSettings, FaceSettings
 from common.frame import Frame
 from common.setting_types import (
     AsTuple,

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from catalogs.figures import panels, style, views
-from catalogs.sizes import log_potency
+from catalogs.sources.sizes import log_potency
 
 SMALLEST, LARGEST = 2.0, 15.0  # points: diameters of the smallest and largest event shown
 UNDATED_COLOUR = "#9a9a9a"

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from catalogs.comparison_settings import MinedStep
 from catalogs.figures import panels, style, views
+from catalogs.settings import MinedStep
 from common.datasets import atomic_path
 
 MARGIN_SHARE = 0.02  # Margin around the domain, as a share of its longest side.

@@ -5,11 +5,11 @@ import xarray as xr
 from matplotlib import dates
 from matplotlib.figure import Figure
 
-from catalogs.completeness import fullest_bin
-from catalogs.exposure import window
+from catalogs.compare.exposure import window
 from catalogs.figures import style
 from catalogs.figures.events_figure import days_since_1970
-from catalogs.sizes import log_potency
+from catalogs.sources.completeness import fullest_bin
+from catalogs.sources.sizes import log_potency
 
 EVENTS_PER_WINDOW = 100  # Events whose fullest bin is found; more where there would be over MAX_WINDOWS windows.
 MAX_WINDOWS = 30

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from catalogs.compare.size_measures import SIZE_BIN_WIDTH
 from catalogs.figures import style
-from catalogs.size_measures import SIZE_BIN_WIDTH
-from catalogs.sizes import counts, cut_grid
+from catalogs.sources.sizes import counts, cut_grid
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from catalogs.compare.spread import SPREAD_BIN_WIDTH
 from catalogs.figures import style
-from catalogs.periods import ALL_STEPS
-from catalogs.sizes import counts
-from catalogs.spread import SPREAD_BIN_WIDTH
+from catalogs.settings import ALL_STEPS
+from catalogs.sources.sizes import counts
 
 MEMBER_COLOUR = "#8cb8d9"  # A light form of style.MODELLED.
 # Half the width over which the members' points lie side by side, relative to the distance of two steps.

@@ -8,8 +8,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from catalogs.mean_axes import GIRDLE, MAX_CONE, UNIFORM
-from catalogs.mechanisms import AXIS_NAMES, direction, trend_plunge
+from catalogs.sources.mechanisms import AXIS_NAMES, GIRDLE, MAX_CONE, UNIFORM, direction, trend_plunge
 
 CONTOUR_LEVELS = (2, 4, 6, 8, 12, 16, 24)  # Multiples of a uniform density.
 MIN_AXES_CONTOURED = 8  # The density of fewer axes shows its own smoothing.
@@ -23,7 +22,7 @@ class Axes:
     """One catalogue's axes: label, colour, map of density; vectors (3: P B T, event, xyz) unit, east north up.
 
     mean_trend, mean_plunge, mean_cone: (3,) degrees; NaN where there is none. shape (3,): what the axes form
-    (catalogs.mean_axes); pole_trend, pole_plunge (3,): of a girdle, degrees, else NaN.
+    (catalogs.sources.mechanisms); pole_trend, pole_plunge (3,): of a girdle, degrees, else NaN.
     """
 
     label: str

@@ -18,8 +18,8 @@ from types import ModuleType
 
 import xarray as xr
 
-from catalogs import record_settings
 from catalogs.records import csv_reader, elk_creek_reader, quakeml_reader
+from catalogs.records import settings as record_settings
 from common.setting_types import Settings, one_of
 
 READERS: dict[str, ModuleType] = {reader.NAME: reader for reader in (quakeml_reader, csv_reader, elk_creek_reader)}

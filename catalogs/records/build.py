@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.record_settings import EventFileSlice
+from catalogs.records.settings import EventFileSlice
 from common.errors import InputError
 from common.event_table import new_catalog
 from common.source_tensors import (

@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from pydantic import model_validator
 
-from catalogs.record_settings import EventFileSettings, EventFileSlice
 from catalogs.records.build import SIZE_NAMES, build_record
 from catalogs.records.csv_columns import (
     GLOBE_COORDINATES,
@@ -24,10 +23,10 @@ from catalogs.records.csv_columns import (
     UNITS,
     ColumnSettings,
 )
-from catalogs.records.csv_table import Table, read_table
-from catalogs.records.event_kinds import EVENT_TYPE, STATUS, is_left_out, kept_words, plain_word
-from catalogs.records.filters import filter_events
+from catalogs.records.csv_table import Table, read_table, unit_quantity
+from catalogs.records.filters import EVENT_TYPE, STATUS, filter_events, is_left_out, kept_words, plain_word
 from catalogs.records.magnitudes import moment_magnitudes, sizes_text
+from catalogs.records.settings import EventFileSettings, EventFileSlice
 from catalogs.records.times import (
     DATE_PARTS,
     EPOCHS,
@@ -37,7 +36,6 @@ from catalogs.records.times import (
     times_of_numbers,
     times_of_parts,
 )
-from catalogs.units import unit_quantity
 from common.errors import InputError
 from common.setting_types import AsTuple, Settings, real_number, refusal, short
 from common.source_tensors import potency_from_moment
@@ -167,7 +165,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at
     least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and optionally
     potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of tensor_frame,
-    time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.event_kinds). units: {kind of
+    time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.filters). units: {kind of
     column: unit}, where it is not the one above and not in the file; decimal, date_order, time_zone: what cannot be
     found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand for a missing value,
     else MISSING_VALUE_CODES. How the table is read: catalogs.records.csv_table.
@@ -331,7 +329,7 @@ def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Recor
             np.abs(numbers[key]) > most, columns[key], f"is no {key}, which ends at {most:g} degrees", "correct it"
         )
     globe = np.column_stack([numbers[key] for key in GLOBE_COORDINATES])
-    from catalogs.geographic_frame import MineFrame  # here: to check a mine file must not wait for PROJ
+    from catalogs.sources.geographic_frame import MineFrame  # here: to check a mine file must not wait for PROJ
 
     location = np.full(globe.shape, np.nan)
     known = np.isfinite(globe).all(axis=1)

@@ -20,9 +20,9 @@ import pandas as pd
 import xarray as xr
 from pydantic import model_validator
 
-from catalogs import record_settings
-from catalogs.record_settings import Box, DomainBox, LocationError
+from catalogs.records import settings as record_settings
 from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of
+from catalogs.records.settings import Box, DomainBox, LocationError
 from catalogs.records.times import parse_time
 from common.errors import InputError
 from common.event_table import new_catalog

@@ -1,20 +1,114 @@
 """The part of a record that is compared: complete events, a box, dates, sizes, quality columns, the model's domain.
 
 Each keeps its count before and after, so that the report can say what was left out.
+
+Seismic is rock that breaks or slips, of any cause. All other events are left out and counted. Event types are those of
+QuakeML 1.2 (Storchak et al. 2012) and words that mines' systems write. Types that say nothing count: "not reported" is
+what QuakeML 1.2 made of the "null" of its forerunners. A word that is not known here, and one that holds blasts as well
+as tremors ("anthropogenic event"), is refused until the configuration says which it is.
 """
 
 import json
 import logging
+import re
+import unicodedata
 from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from catalogs.periods import recorded_period
-from catalogs.record_settings import DomainBox, RecordSlice
-from catalogs.records.event_kinds import EVENT_TYPE, no_seismicity, plain_word, types_text
-from catalogs.records.times import parse_time
+from catalogs.records.settings import DomainBox, RecordSlice
+from catalogs.records.times import parse_time, recorded_period
 from common.errors import InputError
+
+EVENT_TYPE, STATUS, MODE = "event_type", "evaluation_status", "evaluation_mode"  # kinds of text
+SEISMIC_WORDS = {
+    EVENT_TYPE: {
+        "", "null", "not reported", "earthquake", "induced or triggered event", "rock burst", "reservoir loading",
+        "fluid injection", "fluid extraction", "collapse", "cavity collapse", "mine collapse",
+        "induced earthquake", "seismic event", "microseismic event", "tremor", "rockburst", "fall of ground",
+    },
+    STATUS: {"", "preliminary", "confirmed", "reviewed", "final", "automatic", "manual"},
+}  # fmt: skip
+NOT_SEISMIC_WORDS = {
+    EVENT_TYPE: {
+        "not existing", "building collapse", "explosion", "accidental explosion", "chemical explosion",
+        "controlled explosion", "experimental explosion", "industrial explosion", "mining explosion", "quarry blast",
+        "road cut", "blasting levee", "nuclear explosion", "crash", "plane crash", "train crash", "boat crash",
+        "atmospheric event", "sonic boom", "sonic blast", "acoustic noise", "thunder", "avalanche", "snow avalanche",
+        "debris avalanche", "hydroacoustic event", "ice quake", "slide", "landslide", "rockslide", "meteorite",
+        "volcanic eruption", "duplicate", "not locatable", "outside of network interest",
+    },
+    STATUS: {"rejected", "deleted"},
+}  # fmt: skip
+# Last words of other types: production blast, electrical noise.
+NOT_SEISMIC_ENDINGS = ("blast", "blasting", "explosion", "noise")
+KIND_PREFIX = {EVENT_TYPE: "of type ", STATUS: ""}
+
+
+def plain_word(text: str) -> str:
+    """A word as it is compared: upper and lower case, _ and blanks are the same."""
+    return re.sub(r"[\s_]+", " ", unicodedata.normalize("NFC", text)).strip().casefold()
+
+
+def is_left_out(kind: str, word: str) -> bool:
+    """Whether a plain word of this kind (EVENT_TYPE, STATUS) says that an event is no seismicity."""
+    ends = kind == EVENT_TYPE and word.split(" ")[-1] in NOT_SEISMIC_ENDINGS
+    return word in NOT_SEISMIC_WORDS[kind] or ends
+
+
+def kept_words(settings: RecordSlice) -> set[str]:
+    """Plain words of the kinds that are compared although they are not seismic."""
+    return {plain_word(text) for text in _listed(settings.filter.keep if settings.filter else None)}
+
+
+def no_seismicity(kinds: Mapping[str, NDArray], settings: RecordSlice, source: str) -> dict[str, NDArray]:
+    """Events that are no seismicity: {"of type quarry blast": (event,) bool, "rejected": ...}.
+
+    kinds: of EVENT_TYPE and STATUS those that the record has, (event,) texts. settings.filter.keep, and what
+    settings.filter.only names, count all the same. Raises InputError for a word of which nobody said what it means.
+    """
+    limits, kept = settings.filter, kept_words(settings)
+    found = {}
+    for kind, texts in kinds.items():
+        names = settings.names_of_text(kind)
+        only, without = (
+            [plain_word(text) for name, listed in (getattr(limits, key, None) or {}).items() if name in names
+             for text in _listed(listed)]
+            for key in ("only", "without")
+        )  # fmt: skip
+        words = np.array([plain_word(text) for text in texts], dtype=object)
+        for word in dict.fromkeys(words):
+            here = words == word
+            if word in kept or word in only:
+                continue
+            if is_left_out(kind, word):
+                found[f"{KIND_PREFIX[kind]}{word}"] = here
+            elif word not in SEISMIC_WORDS[kind] and word not in without and not only:
+                raise InputError(
+                    f"{source}: {int(here.sum())} of {len(words)} events are {KIND_PREFIX[kind]}{word!r}: is that rock "
+                    f"that broke? Name it in record.filter.keep if they count, in record.filter.without.{kind} if they "
+                    "do not"
+                )
+    if found:
+        left_out = ", ".join(f"{int(here.sum())} {what}" for what, here in found.items())
+        logging.warning("%s: left out: %s; record.filter.keep counts what it names", source, left_out)
+    return found
+
+
+def types_text(types: NDArray) -> str:
+    """How many of the events (event,) are of each type; empty where no type is given."""
+    words, counts = np.unique([plain_word(text) for text in types], return_counts=True)
+    if not any(words):
+        return ""
+    order = np.argsort(-counts, kind="stable")
+    return ", ".join(f"{counts[place]} {words[place] or 'without a type'}" for place in order)
+
+
+def _listed(value: str | tuple[str, ...] | None) -> list[str]:
+    return [value] if isinstance(value, str) else list(value or ())
+
 
 DOMAIN_FILTER = "domain"
 MAX_WIDTHS_FROM_DOMAIN = 10.0  # Farther from the domain than so many of its widths, coordinates are not the mine's.
@@ -45,7 +139,7 @@ def filter_events(
     """The complete events that pass every filter and lie in the domain; attrs["filter"]: what each left out (JSON).
 
     attrs["rows"]: events of the file; attrs["dropped"] (JSON): how many of them are no seismicity
-    (catalogs.records.event_kinds), lack a time, a place or a size, or are `repeated` (event,) bool.
+    (catalogs.records.filters), lack a time, a place or a size, or are `repeated` (event,) bool.
     attrs["types_text"]: how many of the others are of each type, where the file says it. Each entry of
     attrs["filter"] holds filter, value, before, after; the domain's, which is the last, also potency_before and
     potency_after (m3), nearest and farthest (m: of an event left out, from the domain; null if there is none).

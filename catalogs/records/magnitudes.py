@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.record_settings import Conversion, normalized
+from catalogs.records.settings import Conversion, normalized
 from common.errors import InputError
 
 UNTYPED = "untyped"

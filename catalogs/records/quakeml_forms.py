@@ -11,7 +11,7 @@ from lxml import etree
 from obspy.core.event.header import EventType
 
 from catalogs.records.csv_table import check_container
-from catalogs.records.event_kinds import MODE, STATUS, plain_word
+from catalogs.records.filters import MODE, STATUS, plain_word
 from common.errors import InputError
 
 NAMESPACE_START = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin

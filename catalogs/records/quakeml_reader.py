@@ -11,13 +11,12 @@ import pandas as pd
 import xarray as xr
 from pydantic import model_validator
 
-from catalogs.record_settings import EventFileSettings, EventFileSlice, LocationError
 from catalogs.records.build import build_record, check_sizes
-from catalogs.records.event_kinds import EVENT_TYPE, MODE, STATUS, kept_words
-from catalogs.records.filters import filter_events
+from catalogs.records.csv_table import unit_quantity
+from catalogs.records.filters import EVENT_TYPE, MODE, STATUS, filter_events, kept_words
 from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
+from catalogs.records.settings import EventFileSettings, EventFileSlice, LocationError
 from catalogs.records.times import FIRST_YEAR, LAST_YEAR
-from catalogs.units import unit_quantity
 from common.errors import InputError
 from common.event_table import LOCATION_UNCERTAINTY
 from common.setting_types import refusal, short
@@ -79,14 +78,14 @@ def read(settings: RecordSlice) -> xr.Dataset:
     of these none whose evaluation status is rejected; an event is rejected where no other origin is there or the
     preferred one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a
     conversion is stated; of several the preferred one, else the first. Events that are no seismicity
-    (catalogs.records.event_kinds) and those without a time, a place or a size are left out and counted, and so is
+    (catalogs.records.filters) and those without a time, a place or a size are left out and counted, and so is
     one whose publicID is there before. Depth is in m, unless settings.units says otherwise. Location errors that
-    origins state are kept (catalogs.location_uncertainty). A file written by catalogs.quakeml keeps its x, y,
+    origins state are kept (catalogs.sources.quakeml). A file written by catalogs.sources.quakeml keeps its x, y,
     z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe, magnitudes of
     other types, sizes that no event has, and what is no QuakeML.
     """
-    from catalogs.quakeml import own_catalog, parse_quakeml, quakeml_bytes
     from catalogs.records.quakeml_forms import plain_quakeml
+    from catalogs.sources.quakeml import own_catalog, parse_quakeml, quakeml_bytes
 
     path = Path(settings.file)
     content, words = plain_quakeml(quakeml_bytes(path), path)
@@ -148,9 +147,8 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
 
 def _foreign(events: "Catalog", origins: "list[Origin | None]", settings: RecordSlice, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
-    from catalogs.geographic_frame import MineFrame
-    from catalogs.location_uncertainty import location_uncertainty
-    from catalogs.quakeml import moment_tensor
+    from catalogs.sources.geographic_frame import MineFrame
+    from catalogs.sources.quakeml import location_uncertainty, moment_tensor
 
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
     lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).reshape(-1, 2).T

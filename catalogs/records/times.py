@@ -1,4 +1,7 @@
-"""Dates and times as mines export them: ISO 8601, day or month first, months by name, local time, UTC offsets."""
+"""Dates and times as mines export them: ISO 8601, day or month first, months by name, local time, UTC offsets.
+
+And the time of recording: a file of events states when events occurred, not when the network was switched on.
+"""
 
 import datetime
 import re
@@ -7,10 +10,14 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from common.errors import InputError
 
 FIRST_YEAR, LAST_YEAR = 1678, 2261  # whole years that nanoseconds since 1970 reach
+FIRST, LAST = np.datetime64("1678-01-01"), np.datetime64("2261-12-31")  # limits of times in nanoseconds
+# A longer silence has a chance of 0.1 % if days with events are random.
+MAX_SILENCE_IN_MEAN_WAITS = np.log(1000.0)
 DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 # Two digits of a year from this one on mean a year of the twentieth century, as in POSIX.
@@ -211,3 +218,19 @@ def _to_utc(time: np.ndarray, zone: str) -> np.ndarray:
         check_zone(zone), ambiguous=np.zeros(len(time), bool), nonexistent="shift_forward"
     )
     return local.tz_convert("UTC").tz_localize(None).to_numpy("datetime64[ns]")
+
+
+def recorded_period(time: NDArray) -> tuple[np.datetime64, np.datetime64]:
+    """First and last instant (UTC, ns) of recording, from the times of all events of a file, NaT ignored.
+
+    Whole days from the first to the last event, and on either side as much silence as chance may leave: where the
+    first event comes later, the record begins with that silence before it; so at its end. Of fewer than
+    two days with events the silence is without bounds: all of time.
+    """
+    time = np.asarray(time, "datetime64[ns]")
+    days = np.unique(time[~np.isnat(time)].astype("datetime64[D]"))
+    if len(days) < 2:
+        return FIRST.astype("datetime64[ns]"), LAST.astype("datetime64[ns]")
+    wait = int(np.ceil(MAX_SILENCE_IN_MEAN_WAITS * (days[-1] - days[0]).astype(int) / (len(days) - 1)))
+    # in days, which reach further than nanoseconds do: decades of silence would come round at the other end
+    return max(days[0] - wait, FIRST).astype("datetime64[ns]"), min(days[-1] + 1 + wait, LAST).astype("datetime64[ns]")

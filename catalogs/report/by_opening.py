@@ -6,11 +6,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.exposure import window
+from catalogs.compare.exposure import window
 from catalogs.figures.views import axes_of
-from catalogs.nearest_opening import nearest_opening
 from catalogs.report.inputs import Evidence
-from catalogs.sizes import log_potency
+from catalogs.sources.openings import nearest_opening
+from catalogs.sources.sizes import log_potency
 
 ROWS_LISTED = 20  # Openings that a long table keeps: those with most potency.
 MAX_ROWS = 40  # A longer table keeps ROWS_LISTED of them, and the sum of the others.

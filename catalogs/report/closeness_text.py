@@ -5,8 +5,8 @@ import numpy as np
 from catalogs.report.inputs import Evidence
 from catalogs.report.section_numbers import section_number
 from catalogs.report.text import fixed, percent, whole, with_unit
-from catalogs.size_law import NONE
-from catalogs.sizes import estimate_b, log_potency
+from catalogs.sources.size_law import NONE
+from catalogs.sources.sizes import estimate_b, log_potency
 
 LINKS_BY_REACH = {0: "", 1: "faces", 2: "faces, edges", 3: "faces, edges, corners"}  # by reach, of seismic.regions
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from catalogs.event_density import UNIFORM_SHARE
-from catalogs.face_measures import MEASURES, WEIGHTS
+from catalogs.compare.face_measures import MEASURES, WEIGHTS
+from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.figures.face_figure import against_face
 from catalogs.report.inputs import MODEL_LABEL, Evidence
 from catalogs.report.text import DASH, between, number, percent, plural, whole

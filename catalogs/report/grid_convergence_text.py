@@ -5,10 +5,10 @@ import json
 import numpy as np
 import xarray as xr
 
-from catalogs.periods import ALL_STEPS
 from catalogs.report.inputs import Evidence
 from catalogs.report.section_numbers import section_number
 from catalogs.report.text import DASH, MAX_NAMED, fixed, number, percent, whole
+from catalogs.settings import ALL_STEPS
 
 # A larger share of the potency in rock that an increment brings to failure at once makes the events depend on the
 # increments.

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from catalogs.comparison_settings import InsituStress, Scheduled
+from catalogs.settings import InsituStress, Scheduled
 from common.costs import cost_of
 from common.datasets import read_dataset
 from common.errors import InputError

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from catalogs.blocks import MIN_BLOCKS
-from catalogs.comparison_settings import ComparisonSettings
-from catalogs.jackknife import INTERVAL_95
+from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.size_measures import fit
+from catalogs.compare.spread import SPREAD_BIN_WIDTH
 from catalogs.report.inputs import Evidence
-from catalogs.size_law import POWER
-from catalogs.size_measures import fit
-from catalogs.sizes import log_potency
-from catalogs.spread import SPREAD_BIN_WIDTH
+from catalogs.settings import ComparisonSettings
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.size_law import POWER
+from catalogs.sources.sizes import log_potency
 
 
 def largest_of(events: int, b: float, cut: float, share: ArrayLike, end: float = np.inf) -> NDArray:

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
-from catalogs.mean_axes import CLUSTER, GIRDLE, UNIFORM
-from catalogs.mechanisms import direction
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import DASH, between, fixed, number, whole, with_unit
-from catalogs.size_law import POWER, TRUNCATED
+from catalogs.sources.mechanisms import CLUSTER, GIRDLE, UNIFORM, direction
+from catalogs.sources.size_law import POWER, TRUNCATED
 
 MIN_P_PRINTED = 0.001  # Smaller p-values are printed as smaller than this.
 

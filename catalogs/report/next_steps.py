@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from catalogs.location_errors import location_errors
+from catalogs.compare.locations import location_errors
 from catalogs.report.banners import Advice, Banner
 from catalogs.report.inputs import Evidence
 from catalogs.report.uncertainty import Source

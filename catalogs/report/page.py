@@ -9,11 +9,9 @@ from pathlib import Path
 import jinja2
 import numpy as np
 
-from catalogs.comparison_settings import InsituStress, Scheduled
+from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.figures.record_figure import EVENTS_PER_WINDOW
 from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
-from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
-from catalogs.mean_axes import MAX_CONE
 from catalogs.report import first_page, sections, text
 from catalogs.report.banners import banners
 from catalogs.report.gallery import draw_sections
@@ -24,6 +22,8 @@ from catalogs.report.section_numbers import TOPICS, section_number
 from catalogs.report.step_lines import caption, step_lines
 from catalogs.report.text import fixed, number, percent, whole
 from catalogs.report.view_section import content_security_policy
+from catalogs.settings import InsituStress, Scheduled
+from catalogs.sources.mechanisms import MAX_CONE
 from common.datasets import atomic_path
 from common.pages import page_templates
 from common.provenance import comment

@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 
-from catalogs.blocks import MIN_BLOCKS
+from catalogs.compare.blocks import MIN_BLOCKS
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent, plural, typeset, whole
-from catalogs.size_law import NONE, POWER, TRUNCATED
-from catalogs.sizes import MIN_EVENTS_FOR_B
+from catalogs.sources.size_law import NONE, POWER, TRUNCATED
+from catalogs.sources.sizes import MIN_EVENTS_FOR_B
 
 
 def sentences(evidence: Evidence) -> list[str]:

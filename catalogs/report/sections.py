@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.comparison_settings import ComparisonSettings
+from catalogs.compare.size_measures import fit
 from catalogs.figures import (
     beachballs,
     convergence_figure,
@@ -21,8 +21,6 @@ from catalogs.figures import (
     style,
     views,
 )
-from catalogs.mean_axes import describe_axes
-from catalogs.mechanisms import trend_plunge
 from catalogs.report import energy_text, match, text
 from catalogs.report.by_opening import opening_rows, with_most_potency
 from catalogs.report.catalogues_shown import compared_events, selection, shown_catalogues
@@ -36,9 +34,10 @@ from catalogs.report.record_text import as_sentence
 from catalogs.report.scene_text import above_cap, by_step, far_field
 from catalogs.report.spread_text import section as section_of_spread
 from catalogs.report.view_section import section as section_of_view
-from catalogs.size_law import NONE, TRUNCATED
-from catalogs.size_measures import fit
-from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_potency
+from catalogs.settings import ComparisonSettings
+from catalogs.sources.mechanisms import describe_axes, trend_plunge
+from catalogs.sources.size_law import NONE, TRUNCATED
+from catalogs.sources.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, cut_grid, log_potency
 
 LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
 MAX_ROWS_UNFOLDED = 40  # A longer table is folded, or scrolls.

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs.figures import spread_figure
-from catalogs.periods import ALL_STEPS
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import DASH, fixed, number, percent, plural, typeset, whole, with_unit
-from catalogs.sizes import log_potency
+from catalogs.settings import ALL_STEPS
+from catalogs.sources.sizes import log_potency
 
 ONE_RUN = (
     "One run is one realisation: brittle failure localises, so equally valid choices of loading change the potency and "

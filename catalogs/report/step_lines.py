@@ -8,11 +8,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.exposure import DAY, window
-from catalogs.mined_volumes import volumes_mined
+from catalogs.compare.exposure import DAY, window
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import magnitude, typeset
-from catalogs.sizes import log_potency
+from catalogs.sources.openings import volumes_mined
+from catalogs.sources.sizes import log_potency
 
 MAX_LINES = 5  # Steps on the first page.
 

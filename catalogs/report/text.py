@@ -9,7 +9,7 @@ import yaml
 
 from catalogs.report.by_opening import nearest_mined, opening_rows
 from catalogs.report.inputs import Evidence
-from catalogs.sizes import log_potency
+from catalogs.sources.sizes import log_potency
 from common.event_table import ON_PLANES
 from common.source_tensors import moment_magnitude
 

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from catalogs.blocks import MIN_BLOCKS
-from catalogs.grid_convergence import MIN_ERROR_SHARE
-from catalogs.periods import ALL_STEPS
+from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.grid_convergence import MIN_ERROR_SHARE
 from catalogs.report.banners import Advice, finer_cells
 from catalogs.report.grid_convergence_text import MAX_AT_ONCE_SHARE, MAX_ERROR_SHARE, cell_errors, increment_share
 from catalogs.report.inputs import Evidence
 from catalogs.report.text import number, percent
+from catalogs.settings import ALL_STEPS
 
 DEVIATIONS = 2.0  # Standard deviations: about 95 % of runs lie within so many of their mean.
 LEAST_FACTOR = 1.25  # A source with a smaller factor is not worth a run of its own.

@@ -9,11 +9,11 @@ import xarray as xr
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from catalogs.exposure import Exposure, window
+from catalogs.compare.exposure import Exposure, window
 from catalogs.figures import events_figure, style, views
 from catalogs.report.inputs import Evidence
 from catalogs.report.surfaces import CellSet
-from catalogs.sizes import log_potency
+from catalogs.sources.sizes import log_potency
 from common.part_centers import part_centers
 
 MAX_CELLS = 200_000  # Of more cells, openings or failed rock are drawn on cells of twice the size.

@@ -19,8 +19,8 @@ from baselines.catalogues import (
     split_runs,
 )
 from baselines.settings import FlawSlice
-from catalogs.comparison import compare
-from catalogs.comparison_settings import DatedStep
+from catalogs.compare.comparison import compare
+from catalogs.settings import DatedStep
 from common.errors import InputError
 from common.event_table import new_catalog, read_events, write_events
 

@@ -19,7 +19,7 @@ from baselines.flaws import (
     potency_tensors,
 )
 from baselines.point_source import crack_factor, slip_tensor, smearing, source_stress, traction
-from catalogs.sizes import estimate_b, log_potency
+from catalogs.sources.sizes import estimate_b, log_potency
 from common.errors import InputError
 from common.source_tensors import scalar_potency
 from common.voigt import tensor_from_voigt

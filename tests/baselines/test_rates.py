@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import kstest
 
 from baselines.months import Periods, Places, n_test, step_rates
-from catalogs.face import Face
-from catalogs.face_settings import FacePosition
+from catalogs.compare.face import Face
+from catalogs.settings import FacePosition
 
 START = np.array(["2019-08-01", "2019-09-01", "2019-10-01"], "datetime64[ns]")
 END = np.array(["2019-09-01", "2019-10-01", "2019-11-01"], "datetime64[ns]")

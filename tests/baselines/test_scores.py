@@ -13,10 +13,10 @@ from baselines.month_report import map_rows, rate_rows, sentences, write_months,
 from baselines.months import compare_with_months
 from baselines.page import INPUT, NO_AXES, measure_rows, step_rows, verdict, write_page, write_table
 from baselines.settings import BaselineReportSlice, FlawSlice
-from catalogs.comparison import compare
-from catalogs.comparison_settings import ComparisonSlice, DatedStep
-from catalogs.exposure import Exposure
+from catalogs.compare.comparison import compare
+from catalogs.compare.exposure import Exposure
 from catalogs.report.text import number
+from catalogs.settings import ComparisonSlice, DatedStep
 from common.event_table import new_catalog
 from common.modelled_events import describe_sources, spread_in_time
 

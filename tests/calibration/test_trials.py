@@ -25,8 +25,8 @@ from calibration.trials import (
     read_places,
     read_record,
 )
-from catalogs.comparison_settings import DatedStep
-from catalogs.exposure import Exposure
+from catalogs.compare.exposure import Exposure
+from catalogs.settings import DatedStep
 from common.errors import InputError
 
 STEPS = ["one", "two"]

@@ -13,7 +13,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from catalogs.comparison import compare
+from catalogs.compare.comparison import compare
 from catalogs.report.inputs import Evidence, read_evidence
 from common.datasets import write_dataset
 from common.event_table import new_catalog

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from catalogs.blocks import cluster_labels, rounded_to
-from catalogs.exposure import Exposure
-from catalogs.jackknife import effective_blocks
+from catalogs.compare.blocks import cluster_labels, rounded_to
+from catalogs.compare.exposure import Exposure
+from catalogs.sources.jackknife import effective_blocks
 from verification.statistics.samples import branching_events, dated
 
 

@@ -7,11 +7,11 @@ import xarray as xr
 from catalog_fixtures import made_up_catalog
 from job_runs import run_job
 
-from catalogs.comparison import compare
-from catalogs.comparison_layout import FACE_FIELDS, FIELDS
-from catalogs.completeness import SEARCH_BIN_WIDTH
-from catalogs.locations import compare_locations
-from catalogs.size_measures import SIZE_BIN_WIDTH
+from catalogs.compare.comparison import compare
+from catalogs.compare.layout import FACE_FIELDS, FIELDS
+from catalogs.compare.locations import compare_locations
+from catalogs.compare.size_measures import SIZE_BIN_WIDTH
+from catalogs.sources.completeness import SEARCH_BIN_WIDTH
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 
@@ -40,8 +40,8 @@ def test_bins_are_as_wide_as_the_file_says_and_large_catalogues_are_thinned(monk
         counts.extend([len(model), len(record)])
         return compare_locations(model, record, *rest, **settings)
 
-    monkeypatch.setattr("catalogs.place_and_axis_measures.MAX_EVENTS_COMPARED", 100)
-    monkeypatch.setattr("catalogs.place_and_axis_measures.compare_locations", counted)
+    monkeypatch.setattr("catalogs.compare.place_and_axis_measures.MAX_EVENTS_COMPARED", 100)
+    monkeypatch.setattr("catalogs.compare.place_and_axis_measures.compare_locations", counted)
     result = compare(catalog, as_record(catalog), QUICK)
     assert result.attrs["size_bin_width"] == SIZE_BIN_WIDTH
     np.testing.assert_allclose(np.diff(result["size_bin_lower"]), SIZE_BIN_WIDTH)

@@ -11,8 +11,8 @@ import pytest
 from elk_creek_fixtures import recorded_data, write_tiny_mine
 
 from baselines.months import MonthMaps, Periods, Places
-from catalogs.face import Face
-from catalogs.face_settings import FacePosition, FaceSettings
+from catalogs.compare.face import Face
+from catalogs.settings import FacePosition, FaceSettings
 from catalogs.records import elk_creek_reader as record
 from workflow.face_positions import face_positions
 

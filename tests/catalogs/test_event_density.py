@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from catalogs.event_density import UNIFORM_SHARE, box_around, information_gain
+from catalogs.compare.locations import UNIFORM_SHARE, box_around, information_gain
 
 BOX = np.array([[0.0, 0.0, 0.0], [100.0, 80.0, 60.0]])
 VOLUME = 100.0 * 80.0 * 60.0
@@ -56,7 +56,7 @@ def test_no_event_gains_nothing_and_many_are_scored_in_parts(monkeypatch):
     places, events = generator.uniform(*BOX, (50, 3)), generator.uniform(*BOX, (30, 3))
     np.testing.assert_array_equal(information_gain(places, events[:0], 5.0, BOX), 0.0)
     whole = information_gain(places, events, 5.0, BOX)
-    monkeypatch.setattr("catalogs.event_density.MAX_PAIRS", 100)
+    monkeypatch.setattr("catalogs.compare.locations.MAX_PAIRS", 100)
     np.testing.assert_allclose(information_gain(places, events, 5.0, BOX), whole)
 
 

@@ -10,9 +10,9 @@ from catalog_fixtures import SETTINGS
 from elk_creek_fixtures import write_tiny_mine
 from obspy.core.event.header import EventType
 
-from catalogs.quakeml import write_quakeml
 from catalogs.records import read_record
-from catalogs.records.event_kinds import EVENT_TYPE, NOT_SEISMIC_WORDS, SEISMIC_WORDS, is_left_out
+from catalogs.records.filters import EVENT_TYPE, NOT_SEISMIC_WORDS, SEISMIC_WORDS, is_left_out
+from catalogs.sources.quakeml import write_quakeml
 from common.errors import InputError
 
 QUAKEML = """<?xml version="1.0" encoding="utf-8"?>

@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 from catalog_fixtures import made_up_catalog
 
-from catalogs.events_vtk import write_points
+from catalogs.sources.events_vtk import write_points
 
 PARAVIEW = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]  # XX, YY, ZZ, XY, YZ, XZ: its names of six components
 

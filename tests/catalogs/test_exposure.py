@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from catalog_fixtures import made_up_catalog
 
-from catalogs.comparison import compare
-from catalogs.comparison_settings import DatedStep
-from catalogs.exposure import Exposure, Total, total_interval, total_ratio
-from catalogs.periods import recorded_period
+from catalogs.compare.comparison import compare
+from catalogs.compare.exposure import Exposure, Total, total_interval, total_ratio
+from catalogs.records.times import recorded_period
+from catalogs.settings import DatedStep
 from verification.statistics.samples import simulated_sizes
 
 STEPS = (

@@ -6,11 +6,11 @@ from catalog_fixtures import made_up_catalog
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from catalogs.comparison import compare
-from catalogs.event_density import UNIFORM_SHARE
-from catalogs.face import Face
-from catalogs.face_measures import MEASURES, UNIFORM_PLACES, WEIGHTS
-from catalogs.face_settings import FacePosition, FaceSettings
+from catalogs.compare.comparison import compare
+from catalogs.compare.face import Face
+from catalogs.compare.face_measures import MEASURES, UNIFORM_PLACES, WEIGHTS
+from catalogs.compare.locations import UNIFORM_SHARE
+from catalogs.settings import FacePosition, FaceSettings
 from common.errors import InputErrors
 
 # Panel a advances east by 120 m in 31 days, stands still for 30, and advances again. Panel b is mined later, northward.

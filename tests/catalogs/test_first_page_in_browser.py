@@ -10,7 +10,7 @@ import pytest
 import report_fixtures as fixtures
 from browser import Browser, find_browser
 
-from catalogs.comparison import compare
+from catalogs.compare.comparison import compare
 from catalogs.report import first_page, step_lines, verdict
 from catalogs.report.page import write_report
 from common.datasets import read_dataset, write_dataset

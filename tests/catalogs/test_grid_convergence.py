@@ -9,8 +9,8 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare, share_off
 from catalogs.figures import style
-from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare, share_off
 from catalogs.report.grid_convergence_text import discretisation
 from catalogs.report.page import write_report
 from common.datasets import read_dataset, write_dataset

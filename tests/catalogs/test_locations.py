@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from catalogs.locations import compare_locations, smear
+from catalogs.compare.locations import compare_locations, smear
 from verification.statistics.samples import clustered_locations
 
 QUICK = {"resamplings": 199, "distances": np.array([20.0, 40.0])}

@@ -4,9 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as some
 from scipy.spatial.transform import Rotation
 
-from catalogs import mechanisms as m
 from catalogs.figures import stereonets
-from catalogs.mean_axes import CLUSTER, GIRDLE, UNIFORM, MeanAxis, describe_axes
+from catalogs.sources import mechanisms as m
+from catalogs.sources.mechanisms import CLUSTER, GIRDLE, UNIFORM, MeanAxis, describe_axes
 from common.source_tensors import clear_axes, point_down, principal_axes
 
 UNIT = some.integers(0, 2**32 - 1).map(np.random.default_rng)

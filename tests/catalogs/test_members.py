@@ -8,8 +8,8 @@ from catalog_fixtures import made_up_catalog
 from job_runs import run_job
 from test_comparison import QUICK, as_record
 
-from catalogs.comparison import compare
-from catalogs.members import read_members
+from catalogs.compare.comparison import compare
+from catalogs.compare.spread import read_members
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import write_events

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from catalogs.nearest_opening import nearest_opening
+from catalogs.sources.openings import nearest_opening
 
 
 def block(lower, upper, edge):

@@ -13,13 +13,12 @@ from obspy.io.quakeml.core import _validate
 from pyproj import CRS
 from scipy.stats import chi2, norm
 
-from catalogs.geographic_frame import MineFrame
-from catalogs.location_errors import location_errors
-from catalogs.location_uncertainty import location_uncertainty
-from catalogs.mechanisms import axis_from_trend_plunge
-from catalogs.quakeml import own_catalog, write_quakeml
+from catalogs.compare.locations import location_errors
 from catalogs.records import read_record
-from catalogs.sizes import estimate_b
+from catalogs.sources.geographic_frame import MineFrame
+from catalogs.sources.mechanisms import axis_from_trend_plunge
+from catalogs.sources.quakeml import location_uncertainty, own_catalog, write_quakeml
+from catalogs.sources.sizes import estimate_b
 from common.errors import InputError
 from common.event_table import NAMES, new_catalog, write_events
 from common.event_table import read_events as read_table

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from catalog_fixtures import SETTINGS, made_up_catalog
 
-from catalogs.quakeml import write_quakeml
 from catalogs.records import read_record
+from catalogs.sources.quakeml import write_quakeml
 from common.errors import InputError
 
 TABLE = """time,x,y,z,mw

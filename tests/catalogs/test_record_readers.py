@@ -9,11 +9,11 @@ import xarray as xr
 from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
 from job_runs import run_job
 
-from catalogs.comparison import compare
-from catalogs.geographic_frame import MineFrame
-from catalogs.quakeml import UP_SOUTH_EAST
+from catalogs.compare.comparison import compare
 from catalogs.records import READERS, read_record
 from catalogs.records.times import parse_time
+from catalogs.sources.geographic_frame import MineFrame
+from catalogs.sources.quakeml import UP_SOUTH_EAST
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 
@@ -82,7 +82,7 @@ def test_one_tensor_in_three_frames_is_one_tensor(tmp_path, frame, kind):
 
 
 def test_up_south_east_is_what_quakeml_calls_so(tmp_path):
-    """m_rt of QuakeML is minus north-up: the same sign as in catalogs.quakeml."""
+    """m_rt of QuakeML is minus north-up: the same sign as in catalogs.sources.quakeml."""
     for key, (sign, i, j) in UP_SOUTH_EAST.items():
         first, second = (FRAMES["USE"]["rtp".index(letter)] for letter in key[2:])
         assert (

@@ -14,7 +14,7 @@ import report_fixtures as fixtures
 import yaml
 from matplotlib.collections import PathCollection
 
-from catalogs.comparison import compare
+from catalogs.compare.comparison import compare
 from catalogs.figures import events_figure, style
 from catalogs.report import energy_text as report_energy
 from catalogs.report import sections

@@ -4,14 +4,14 @@ import re
 
 import pytest
 
+from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.figures.record_figure import EVENTS_PER_WINDOW
 from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
-from catalogs.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
-from catalogs.mean_axes import MAX_CONE
 from catalogs.report import page
 from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE
 from catalogs.report.section_numbers import SECTIONS
-from catalogs.sizes import B_MAGNITUDE_PER_B_POTENCY
+from catalogs.sources.mechanisms import MAX_CONE
+from catalogs.sources.sizes import B_MAGNITUDE_PER_B_POTENCY
 
 LIMITS = {
     "least_error": MIN_ERROR_SHARE,

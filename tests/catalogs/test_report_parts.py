@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 from catalog_fixtures import made_up_catalog
 
-from catalogs.comparison import compare
+from catalogs.compare.comparison import compare
 from catalogs.figures import convergence_figure
 from catalogs.report import face_text, match, verdict
 from catalogs.report import record_text as report_record

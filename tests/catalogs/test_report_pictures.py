@@ -9,9 +9,9 @@ import xarray as xr
 from matplotlib import dates
 from step_fixtures import events_of, step
 
-from catalogs.comparison_settings import InsituStress
 from catalogs.figures import events_figure, panels, record_figure, rock_figure, sizes_figure, style, views
 from catalogs.report.mechanism_inputs import insitu_axes
+from catalogs.settings import InsituStress
 
 
 def test_insitu_axes_are_those_at_the_depth_of_the_events():

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from catalogs import completeness as search
-from catalogs.comparison_settings import ComparisonSettings
-from catalogs.size_law import FEW, NONE, POWER, TRUNCATED, find_law
-from catalogs.size_measures import fit
+from catalogs.compare.size_measures import fit
+from catalogs.settings import ComparisonSettings
+from catalogs.sources import completeness as search
+from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED, find_law
 from verification.statistics.samples import simulated_sizes
 
 SETTINGS = ComparisonSettings(resamplings=199)

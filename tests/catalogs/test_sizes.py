@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from catalogs import sizes
+from catalogs.sources import sizes
 from verification.statistics.samples import simulated_sizes
 
 

@@ -8,9 +8,9 @@ import pytest
 import report_fixtures as fixtures
 import xarray as xr
 
+from catalogs.compare.spread import STATISTICS, gather, statistics
 from catalogs.report.page import write_report
-from catalogs.sizes import estimate_b
-from catalogs.spread import STATISTICS, gather, statistics
+from catalogs.sources.sizes import estimate_b
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 from common.event_table import new_catalog, write_events

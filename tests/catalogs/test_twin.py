@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from catalogs.records import read_record
-from catalogs.twin import write_twin
+from catalogs.sources.twin import write_twin
 from common.errors import InputError
 from common.event_table import new_catalog
 from common.voigt import COMPONENTS

@@ -9,8 +9,8 @@ import pytest
 import report_fixtures as fixtures
 import xarray as xr
 
-from catalogs.comparison import compare
-from catalogs.grid_convergence import share_off
+from catalogs.compare.comparison import compare
+from catalogs.compare.grid_convergence import share_off
 from catalogs.report.banners import Advice, Banner, banners
 from catalogs.report.inputs import Evidence, read_evidence
 from catalogs.report.largest_event import expected_range, largest_of

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from catalogs.comparison_settings import DatedStep
+from catalogs.settings import DatedStep
 from common.datasets import write_dataset
 from common.event_table import new_catalog, write_events
 from common.modelled_events import spread_in_time

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from plan_fixtures import HAZARD, STEPS, drawn_events, drawn_run, made_up_grid, outcome_slice, write_run
 
-from catalogs.comparison_settings import DatedStep
+from catalogs.settings import DatedStep
 from common.errors import InputError
 from plans.differences import NUMBER, POTENCY, compare, ratio_of_runs, steps_with_other_runs
 from plans.outcome import make_outcome

@@ -18,7 +18,7 @@ from plan_fixtures import (
 )
 from scipy.stats import kstest, nbinom
 
-from catalogs.comparison_settings import DatedStep
+from catalogs.settings import DatedStep
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 from plans.layout import ANY

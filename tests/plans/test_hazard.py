@@ -7,8 +7,8 @@ import pytest
 from plan_fixtures import STEPS
 from scipy.stats import kstest, nbinom, poisson
 
-from catalogs.jackknife import INTERVAL_95
-from catalogs.sizes import LN10, estimate_b
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.sizes import LN10, estimate_b
 from plans.hazard import _law as law_of
 from plans.hazard import chance_of, chances, dispersion_index, draw_expected, draw_numbers, independent_share
 from plans.record import STEP_SCATTER, Factors, RecordedNumbers, draw_ratio, find_factors, step_ratios

@@ -18,7 +18,7 @@ from plan_fixtures import (
 )
 from plan_fixtures import outcome_slice as slice_of
 
-from catalogs.comparison_settings import DatedStep
+from catalogs.settings import DatedStep
 from common.errors import InputError
 from plans.layout import PlanSummary
 from plans.outcome import make_outcome

@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 
 from catalogs.report.closeness_text import closeness_rows, intervals_contain, unlike
 from catalogs.report.section_numbers import section_number
-from catalogs.sizes import estimate_b, log_potency
+from catalogs.sources.sizes import estimate_b, log_potency
 from seismic.catalog import merge
 from seismic.events import CLOSENESS_TRIED, extract_events, sizes_by_closeness
 from seismic.regions import CORNERS, EDGES, FACES

@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 from running import run_study
 
-from catalogs.comparison_settings import ComparisonSettings
 from catalogs.figures import style
-from catalogs.size_law import FEW, NONE, POWER, TRUNCATED
+from catalogs.settings import ComparisonSettings
+from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED
 from common.costs import Costs
 from common.errors import InputError
 from verification.pages import tables_of

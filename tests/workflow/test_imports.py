@@ -92,9 +92,9 @@ SLOW |= {"scipy.spatial", "scipy.stats", "sklearn", "tqdm"}
     [
         ("workflow.stages", set()),
         ("seismic.catalog", set()),
-        ("catalogs.records, catalogs.grid_convergence", set()),
+        ("catalogs.records, catalogs.compare.grid_convergence", set()),
         ("seismic.events", {"numba", "scipy.spatial", "scipy.special"}),
-        ("catalogs.comparison", {"scipy.spatial", "scipy.special"}),
+        ("catalogs.compare.comparison", {"scipy.spatial", "scipy.special"}),
         ("mpm_core.stages.grid_stage", {"numba", "psutil"}),
     ],
 )

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from catalogs.sizes import estimate_b, log_potency
+from catalogs.sources.sizes import estimate_b, log_potency
 from verification.brazilian_disc.crack import Crack, read_crack
 from verification.brazilian_disc.elastic_rock import PressedDisc
 from verification.brazilian_disc.figure import draw

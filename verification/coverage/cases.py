@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from catalogs import completeness
-from catalogs.blocks import cluster_labels
-from catalogs.comparison_settings import ComparisonSettings
-from catalogs.exposure import DAY, Exposure
-from catalogs.locations import compare_locations
-from catalogs.mechanisms import AxesSample, compare_axes
-from catalogs.size_measures import fit
-from catalogs.sum_measures import sum_measures
+from catalogs.compare.blocks import cluster_labels
+from catalogs.compare.exposure import DAY, Exposure
+from catalogs.compare.locations import compare_locations
+from catalogs.compare.size_measures import fit
+from catalogs.compare.sum_measures import sum_measures
+from catalogs.settings import ComparisonSettings
+from catalogs.sources import completeness
+from catalogs.sources.mechanisms import AxesSample, compare_axes
 from verification.statistics.samples import LN10, branching_events, burst_events, dated, simulated_sizes
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from catalogs.compare.grid_convergence import share_off
 from catalogs.figures import style
-from catalogs.grid_convergence import share_off
 from common.voigt import tensor_from_voigt
 from mpm_core.equilibrium.increments import potency
 from mpm_core.stages.grid_stage import MIN_WHOLE_CELL_SHARE_ACCEPTED

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import xarray as xr
 
-from catalogs.sizes import MIN_EVENTS_FOR_B, BValue, estimate_b, log_potency
+from catalogs.sources.sizes import MIN_EVENTS_FOR_B, BValue, estimate_b, log_potency
 from common.errors import InputError
 from common.source_tensors import scalar_potency
 from common.voigt import tensor_from_voigt

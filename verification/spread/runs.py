@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from catalogs.comparison_settings import ComparisonSettings
-from catalogs.size_law import FEW, POWER
-from catalogs.size_measures import fit
-from catalogs.sizes import above, log_potency
+from catalogs.compare.size_measures import fit
+from catalogs.settings import ComparisonSettings
+from catalogs.sources.size_law import FEW, POWER
+from catalogs.sources.sizes import above, log_potency
 from common.errors import InputError
 from seismic.events import extract_events
 from verification.results import Results, Variant

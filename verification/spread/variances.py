@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import chi2
 
-from catalogs.size_law import FEW, NONE, TRUNCATED
+from catalogs.sources.size_law import FEW, NONE, TRUNCATED
 from verification.spread.runs import CELLS, LOADING, MEMBERS, QUANTITIES, SOURCES, Catalogue, Quantity
 
 MIN_VALUES = 3  # Fewer values are given no variance.

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f, ncf
 
-from catalogs.locations import compare_locations
+from catalogs.compare.locations import compare_locations
 from verification.rows import Row
 from verification.statistics.samples import clustered_locations
 

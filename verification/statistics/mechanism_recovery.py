@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from catalogs import mechanisms
+from catalogs.sources import mechanisms
 from common.source_tensors import moment_from_potency, principal_axes, source_shares
 from verification.rows import Row
 

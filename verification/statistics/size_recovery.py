@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs import sizes
+from catalogs.sources import sizes
 from verification.rows import Row
 from verification.statistics.samples import simulated_sizes
 

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial.distance import cdist
 
-from catalogs.sizes import estimate_b, log_potency
+from catalogs.sources.sizes import estimate_b, log_potency
 from mpm_core.equilibrium.increments import potency
 from verification.kirsch.closed_form import InfinitePlate
 from verification.kirsch.hole_fields import Rock
@@ -111,7 +111,7 @@ def apart(one: xr.Dataset, other: xr.Dataset) -> float:
     """Energy distance of the places of the resolved events of two catalogues of one step, m (Szekely and Rizzo 2013).
 
     2 E|X - Y| - E|X - X'| - E|Y - Y'| over all pairs of events, so 0 for equal catalogues. That of
-    catalogs.energy_distance leaves out pairs of one block, and moves steps onto each other.
+    catalogs.compare.energy_distance leaves out pairs of one block, and moves steps onto each other.
     """
     places = [resolved(events).location.values for events in (one, other)]
     if min(map(len, places)) == 0:

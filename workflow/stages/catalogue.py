@@ -63,7 +63,7 @@ def catalogue(job: Job) -> None:
     """The catalogue as a table and as QuakeML, and sizes of events at several values of closeness"""
     from seismic.closeness import sizes_by_closeness
 
-    from catalogs.quakeml import write_quakeml
+    from catalogs.sources.quakeml import write_quakeml
     from common.datasets import read_dataset, write_dataset
     from common.event_table import read_events
     from common.part_centers import PLACE_VARIABLES

@@ -39,9 +39,9 @@ def comparison(job: Job) -> None:
 
 def _with_record(job: Job, catalog):
     """comparison.nc"""
-    from catalogs.comparison import compare
-    from catalogs.comparison_settings import ComparisonSlice
-    from catalogs.members import read_members
+    from catalogs.compare.comparison import compare
+    from catalogs.settings import ComparisonSlice
+    from catalogs.compare.spread import read_members
     from common.event_table import read_events
 
     settings = job.settings["comparison"]
@@ -54,8 +54,8 @@ def _with_record(job: Job, catalog):
 
 def _with_members(job: Job, catalog, compared):
     """spread.nc"""
-    from catalogs.comparison_settings import SpreadSettings
-    from catalogs.spread import gather
+    from catalogs.settings import SpreadSettings
+    from catalogs.compare.spread import gather
 
     runs = [Path(path).parent for path in (job.input("catalog"), *job.paths("members"))]
     return gather(runs, catalog, compared, SpreadSettings.of(job.settings["spread"]))
@@ -63,7 +63,7 @@ def _with_members(job: Job, catalog, compared):
 
 def _with_companion(job: Job, catalog):
     """grid_convergence.nc"""
-    from catalogs.grid_convergence import compare
+    from catalogs.compare.grid_convergence import compare
     from common.datasets import read_dataset
     from common.event_table import read_events
 
@@ -84,7 +84,7 @@ def _with_forecasts(job: Job):
 @stage("catalogs", settings=lambda mine, wildcards: mine.report_slice())
 def report(job: Job) -> None:
     """The report for a geotechnical engineer, and its figures."""
-    from catalogs.comparison_settings import ReportSlice
+    from catalogs.settings import ReportSlice
     from catalogs.report.page import write_report
 
     settings = ReportSlice.of(job.settings)

@@ -10,7 +10,7 @@ from workflow.stages import stage
 @stage("catalogs", settings=lambda mine, wildcards: mine.picture_slice())
 def scene(job: Job) -> None:
     """A picture of what will be solved: cells, solids, record."""
-    from catalogs.comparison_settings import PictureSlice
+    from catalogs.settings import PictureSlice
     from catalogs.figures.overview import write_overview
     from common.datasets import read_dataset
     from common.event_table import read_events
@@ -26,7 +26,7 @@ def twin(job: Job) -> None:
 
     noise: root mean square location error, m; cut: smallest log10 of potency in m3.
     """
-    from catalogs.twin import write_twin
+    from catalogs.sources.twin import write_twin
     from common.event_table import read_events
 
     count = write_twin(read_events(job.input("catalog")), **job.settings, path=job.output())
@@ -47,7 +47,7 @@ def vtk(job: Job) -> None:
 @stage("catalogs")
 def vtk_events(job: Job) -> None:
     """A catalogue's events for ParaView."""
-    from catalogs.events_vtk import write_points
+    from catalogs.sources.events_vtk import write_points
     from common.event_table import read_events
 
     write_points(read_events(Path(job.settings["events"])), job.output())

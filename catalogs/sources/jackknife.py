@@ -8,9 +8,8 @@ blocks scatters too little. Blocks of shares h_j are worth 1 / sum h_j^2 equal o
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-
-from catalogs.distributions import t_quantile
 
 INTERVAL_95 = (0.025, 0.975)  # quantiles of a 95 % interval
 
@@ -36,7 +35,7 @@ class Scatter:
 
     def interval(self, estimate: NDArray, share: float = 0.95) -> NDArray:
         """Interval (3, 2) of each component."""
-        half = t_quantile(0.5 + share / 2, self.freedom) * np.sqrt(np.diag(self.covariance))
+        half = scipy.stats.t.ppf(0.5 + share / 2, self.freedom) * np.sqrt(np.diag(self.covariance))
         return np.stack([estimate - half, estimate + half], axis=-1)
 
     def lengths(self, draws: int, generator: np.random.Generator) -> NDArray:

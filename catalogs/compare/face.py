@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.face_settings import FacePosition, by_panel
 from catalogs.records.times import parse_time
+from catalogs.settings import FacePosition, by_panel
 
 FACE_AXES = ("ahead", "across")
 

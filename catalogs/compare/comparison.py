@@ -1,6 +1,6 @@
 """Comparison of modelled with recorded events: location, size and orientation, as numbers with intervals.
 
-Layout of comparison.nc: catalogs.comparison_layout.
+Layout of comparison.nc: catalogs.compare.layout.
 """
 
 import json
@@ -10,20 +10,20 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs import sizes
-from catalogs.blocks import cluster_labels
-from catalogs.comparison_layout import CATALOGUES, described
-from catalogs.comparison_settings import ComparisonSlice
-from catalogs.completeness import MIN_EVENTS_ABOVE_CUT, completeness, fullest_bin, next_edge, rounding
-from catalogs.exposure import Exposure, common_period
-from catalogs.face import FACE_AXES
-from catalogs.face_measures import MEASURES, WEIGHTS, face_measures
-from catalogs.location_errors import location_errors
-from catalogs.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
-from catalogs.members import all_runs
-from catalogs.place_and_axis_measures import axes_measures, location_measures
-from catalogs.size_measures import SIZE_BIN_WIDTH, size_measures
-from catalogs.sum_measures import sum_measures
+from catalogs.compare.blocks import cluster_labels
+from catalogs.compare.exposure import Exposure, common_period
+from catalogs.compare.face import FACE_AXES
+from catalogs.compare.face_measures import MEASURES, WEIGHTS, face_measures
+from catalogs.compare.layout import CATALOGUES, described
+from catalogs.compare.locations import location_errors
+from catalogs.compare.place_and_axis_measures import axes_measures, location_measures
+from catalogs.compare.size_measures import SIZE_BIN_WIDTH, size_measures
+from catalogs.compare.spread import all_runs
+from catalogs.compare.sum_measures import sum_measures
+from catalogs.settings import ComparisonSlice
+from catalogs.sources import sizes
+from catalogs.sources.completeness import MIN_EVENTS_ABOVE_CUT, completeness, fullest_bin, next_edge, rounding
+from catalogs.sources.mechanisms import AXIS_NAMES, KAGAN_BIN, KAGAN_PAIRS
 from common.errors import InputError
 from common.event_table import check_events
 
@@ -31,10 +31,10 @@ from common.event_table import check_events
 def compare(
     catalog: xr.Dataset, record: xr.Dataset, settings: ComparisonSlice, members: Sequence[xr.Dataset] = ()
 ) -> xr.Dataset:
-    """The three comparisons of a synthetic catalogue with a recorded one; layout: catalogs.comparison_layout.
+    """The three comparisons of a synthetic catalogue with a recorded one; layout: catalogs.compare.layout.
 
     catalog, record: form of common.event_table. settings: or their values. members: catalogues of the ensemble's
-    other runs (`catalogs.members`), as many as settings.members; with the mine's own they are the model's draws.
+    other runs (`catalogs.compare.spread`), as many as settings.members; with the mine's own they are the model's draws.
     Raises InputError for an unknown setting, a catalogue of the wrong form or for another mine, a member too few or too
     many. A catalogue with too few events, or none, gives NaN and a sentence, not an error.
     """

@@ -1,4 +1,4 @@
-"""The comparisons of places and axes as variables of comparison.nc (their layout: catalogs.comparison_layout).
+"""The comparisons of places and axes as variables of comparison.nc (their layout: catalogs.compare.layout).
 
 `both` is (model, record) in the form of common.event_table, the model with the events of all its runs, `used` which
 of their events count, `blocks` (run of each modelled event, None of a model that ran once; cluster of each recorded
@@ -13,17 +13,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.blocks import MIN_BLOCKS, cluster_labels
-from catalogs.comparison_settings import ComparisonSettings
-from catalogs.jackknife import INTERVAL_95
-from catalogs.location_errors import location_errors
-from catalogs.locations import LocationComparison, compare_locations
-from catalogs.mean_axes import GIRDLE, UNIFORM, AxesSample
-from catalogs.mechanisms import (
+from catalogs.compare.blocks import MIN_BLOCKS, cluster_labels
+from catalogs.compare.locations import LocationComparison, compare_locations, location_errors
+from catalogs.settings import ComparisonSettings
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.mechanisms import (
     AXIS_NAMES,
+    GIRDLE,
     KAGAN_BIN,
     KAGAN_LIMIT,
     KAGAN_PAIRS,
+    UNIFORM,
+    AxesSample,
     angle_between_axes,
     compare_axes,
     direction,

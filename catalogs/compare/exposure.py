@@ -1,7 +1,7 @@
 """The time during which a catalogue was recorded, and the expected number and summed potency of events in it.
 
 The time that both catalogues share is the part of the dated steps during which the network recorded
-(`catalogs.periods`).
+(`catalogs.records.times`).
 
 Events are a compound Poisson process: if they are independent, a sum S of their sizes s has the variance sum(s^2). It
 varies like that of S / scale equal events, scale = sum(s^2) / S (Kish 1965), and S / scale is nearly Poisson (Bohm and
@@ -13,13 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.comparison_settings import DatedStep
-from catalogs.distributions import chi_square_quantile, chi_square_tail, f_quantile, f_share, f_tail
-from catalogs.jackknife import INTERVAL_95
 from catalogs.records.times import parse_time
+from catalogs.settings import DatedStep
+from catalogs.sources.jackknife import INTERVAL_95
 
 DAY = np.timedelta64(86400 * 10**9, "ns")
 # Lengths of the windows in which events are counted for their clustering, days. An aftershock may come a week later.
@@ -93,7 +93,7 @@ class Exposure:
                 events, windows, freedom = events + numbers.sum(), windows + count, freedom + count - 1
             if windows >= MIN_WINDOWS and events:
                 ratio = float(variance / events)
-                if chi_square_tail(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
+                if scipy.stats.chi2.sf(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
                     found.append(ratio)
         return max(found)
 
@@ -122,9 +122,9 @@ def total_interval(sizes: NDArray, clustering: float = 1.0, largest: float | Non
     one = clustering * (sizes.max(initial=0.0) if largest is None else largest)
     if not total + one > 0:
         return np.full(2, np.nan)
-    lower = variance / (2 * total) * chi_square_quantile(INTERVAL_95[0], 2 * total**2 / variance) if total else 0.0
+    lower = variance / (2 * total) * scipy.stats.chi2.ppf(INTERVAL_95[0], 2 * total**2 / variance) if total else 0.0
     total, variance = total + one, variance + one**2
-    return np.array([lower, variance / (2 * total) * chi_square_quantile(INTERVAL_95[1], 2 * total**2 / variance)])
+    return np.array([lower, variance / (2 * total) * scipy.stats.chi2.ppf(INTERVAL_95[1], 2 * total**2 / variance)])
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ def total_ratio(first: Total, second: Total) -> Ratio:
     worth = [min(one.value / one.scale, MAX_EQUAL_EVENTS) + 0.5 for one in (first, second)]
     middle = first.scale * worth[0] / (second.scale * worth[1])
     freedom = 2 * worth[0], 2 * worth[1]
-    lower, upper = middle * f_quantile(INTERVAL_95, *freedom)
+    lower, upper = middle * scipy.stats.f.ppf(INTERVAL_95, *freedom)
     lower, upper = lower if first.value else 0.0, upper if second.value else np.inf
-    p_value = 2 * min(f_share(1 / middle, *freedom), f_tail(1 / middle, *freedom))
+    p_value = 2 * min(scipy.stats.f.cdf(1 / middle, *freedom), scipy.stats.f.sf(1 / middle, *freedom))
     return Ratio(first.value / second.value if second.value else np.nan, np.array([lower, upper]), float(p_value))

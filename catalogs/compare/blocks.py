@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from catalogs.jackknife import effective_blocks
+from catalogs.sources.jackknife import effective_blocks
 
 LINK_CHANCES = (0.1, 0.2, 0.3, 0.4)  # Chances of a link between events that are independent.
 PASSES_PER_LEVEL = 2  # Passes at each chance: clusters decide how many there are, and so what chance makes.

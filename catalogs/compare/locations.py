@@ -2,10 +2,10 @@
 
 Events come in clusters, so a catalogue of n events holds far fewer than n independent places; resampling single
 events would find a difference between any two catalogues of one clustered process. Here whole blocks are resampled:
-clusters of a record (`catalogs.blocks`), runs of a model. A model that ran once has no blocks, so that chance cannot be
+clusters of a record (`compare.blocks`), runs of a model. A model that ran once has no blocks, so that chance cannot be
 distinguished from a difference: then there are distances, and no interval and no p-value. Where events lie depends on
 what is mined, in model and mine alike, so offset, energy distance and p-value are computed within steps
-(`catalogs.energy_distance`): how far steps lie apart drops out. Everything is computed once between blocks and then
+(`compare.energy_distance`): how far steps lie apart drops out. Everything is computed once between blocks and then
 only re-weighted, so a thousand resamplings cost little. Distances in m. BLAS is held to one thread: the same bytes with
 any number.
 """
@@ -13,13 +13,26 @@ any number.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+from scipy.special import logsumexp
 from threadpoolctl import threadpool_limits
 
-from catalogs.blocks import MIN_BLOCKS
-from catalogs.energy_distance import Side, block_starts, match_steps, pair_means, pairs_by_block
-from catalogs.jackknife import INTERVAL_95
+from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.energy_distance import Side, block_starts, match_steps, pair_means, pairs_by_block
+from catalogs.sources.jackknife import INTERVAL_95
+from common.event_table import LOCATION_UNCERTAINTY
+
+
+def location_errors(record: xr.Dataset) -> NDArray:
+    """Root mean square location error (event,), m; 0 where nothing is known."""
+    general = float(record.attrs.get("location_error", 0.0))
+    name = LOCATION_UNCERTAINTY.name
+    stated = record[name].values if name in record else np.full(record.sizes["event"], np.nan)
+    return np.where(np.isfinite(stated), stated, general if np.isfinite(general) else 0.0)
+
 
 LENGTH_DRAWS = 9999  # Draws for the quantile of a length.
 # Exponent of distance in the statistic of the p-value. It finds shifts as well as the mean does, and other shapes, too.
@@ -96,7 +109,7 @@ def compare_locations(
     and intervals and p-value are NaN. location_error: as in `smear`. None if no step has two blocks in each
     catalogue, or the record fewer than MIN_BLOCKS in all; with as few blocks of the model intervals are NaN, too.
     Offset, energy distance and p-value: of such steps, moved onto each other (`energy_distance.Matched`). The others:
-    of all events, where they lie. Intervals of the offset: jackknife over blocks (`catalogs.jackknife`); the others
+    of all events, where they lie. Intervals of the offset: jackknife over blocks (`sources.jackknife`); the others
     weigh blocks at random (Bayesian bootstrap, Rubin 1981), with one weight in all steps.
     Cross-K: share of model-record pairs closer than r, times the volume of the box that holds both catalogues.
     """
@@ -223,3 +236,41 @@ def _interval(resampled: NDArray) -> NDArray:
         finite = np.isfinite(resampled).any(axis=-1, keepdims=True)
         safe = np.where(finite, resampled, 0.0)
         return np.where(finite, np.moveaxis(np.nanquantile(safe, INTERVAL_95, axis=-1), 0, -1), np.nan)
+
+
+UNIFORM_SHARE = 0.05  # Of events that may lie anywhere: without it one recorded event far from all others decides.
+MAX_PAIRS = 2_000_000  # Distances held at once.
+
+
+def box_around(*places: NDArray, margin: float) -> NDArray:
+    """Lower and upper corner (2, xyz), m, of a box that holds all places (event, xyz) with a margin, m."""
+    every = np.concatenate(places)
+    return np.stack([every.min(axis=0) - margin, every.max(axis=0) + margin])
+
+
+def information_gain(
+    places: NDArray, events: NDArray, deviation: ArrayLike, box: NDArray, uniform_share: float = UNIFORM_SHARE
+) -> NDArray:
+    """ln of the density of events at places over that of uniform events in the box, (place,), nats.
+
+    places, events (n, xyz), m, or (n, xy) in plan; deviation: standard deviation along each axis, m, of one place from
+    the event that it belongs to, for all places or (place,); box: lower and upper corner. The events are smoothed by a
+    normal distribution, and uniform_share of the density is uniform in the box. Without events the gain is 0.
+
+    >>> box = np.array([[0.0, 0.0, 0.0], [10.0, 10.0, 10.0]])
+    >>> there, away = information_gain(np.array([[5.0, 5, 5], [9, 9, 9]]), np.array([[5.0, 5, 5]]), 1.0, box)
+    >>> round(float(there), 2), round(float(away), 2)  # ln(0.05 + 0.95 * 1000 / (2 pi)^1.5) and ln(0.05)
+    (4.1, -3.0)
+    """
+    if not len(events):
+        return np.zeros(len(places))
+    deviation = np.broadcast_to(np.asarray(deviation, float), len(places))
+    log_volume = np.log(np.prod(box[1] - box[0]))
+    log_peak = log_volume - places.shape[1] * (0.5 * np.log(2.0 * np.pi) + np.log(deviation))
+    smoothed = np.empty(len(places))
+    size = max(1, MAX_PAIRS // len(events))
+    for start in range(0, len(places), size):
+        part = slice(start, start + size)
+        squared = cdist(places[part], events, "sqeuclidean") / (2.0 * deviation[part, None] ** 2)
+        smoothed[part] = logsumexp(-squared, axis=1) - np.log(len(events))
+    return np.logaddexp(np.log(uniform_share), np.log1p(-uniform_share) + log_peak + smoothed)

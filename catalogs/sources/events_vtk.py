@@ -5,7 +5,7 @@ import os
 import numpy as np
 import xarray as xr
 
-from catalogs.sizes import log_potency
+from catalogs.sources.sizes import log_potency
 from common.voigt import voigt_from_tensor
 from common.vtk import TENSOR_ORDER, write_mesh
 

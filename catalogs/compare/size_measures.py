@@ -1,4 +1,4 @@
-"""The comparison of sizes as variables of comparison.nc (their layout: catalogs.comparison_layout), and their text."""
+"""The comparison of sizes as variables of comparison.nc (their layout: catalogs.compare.layout), and their text."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs import completeness, sizes
-from catalogs.comparison_layout import CATALOGUES
-from catalogs.comparison_settings import ComparisonSettings
-from catalogs.size_law import FEW, NONE, POWER, TRUNCATED, Law, find_law
+from catalogs.compare.layout import CATALOGUES
+from catalogs.settings import ComparisonSettings
+from catalogs.sources import completeness, sizes
+from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED, Law, find_law
 
 LAW_RESAMPLINGS, LAW_SEED = 999, 1  # the verdict on the law depends on the sizes only, not on the comparison's seed
 SIZE_BIN_WIDTH = 0.2  # Bins of log10 potency in plots: 0.13 of Mw, where 0.1 is usual.

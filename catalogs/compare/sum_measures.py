@@ -1,18 +1,18 @@
 """Number and potency of both catalogues and their ratios as variables of comparison.nc, and their words.
 
-Layout: catalogs.comparison_layout; statistics: catalogs.exposure.
+Layout: catalogs.compare.layout; statistics: catalogs.compare.exposure.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.distributions import normal_quantile, t_quantile
-from catalogs.exposure import Exposure, Total, total_interval, total_ratio
-from catalogs.jackknife import INTERVAL_95
-from catalogs.sizes import log_potency
+from catalogs.compare.exposure import Exposure, Total, total_interval, total_ratio
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.sizes import log_potency
 
 MIN_RUNS_FOR_VARIANCE = 5  # Runs of the model that a variance between them needs: four degrees of freedom.
 MIN_EQUAL_EVENTS = 4.0  # A sum that is worth fewer equal events depends on one or two of its events.
@@ -25,7 +25,7 @@ def sum_measures(
     """Counts and summed potency, per day of exposure, their ratios with intervals and tests; and a sentence or two.
 
     both: (catalogue, record), used: which events of each count (event,); members: the model's other runs, of which
-    events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `catalogs.blocks`. With
+    events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `compare.blocks`. With
     MIN_RUNS_FOR_VARIANCE runs or more the model is their mean, its chance what they differ by; else its events are
     counted as independent. The record's events are as clustered as these clusters or their times say, whichever is
     more.
@@ -108,7 +108,7 @@ def mean_total(sums: NDArray, squares: NDArray, scale: float) -> Total:
     if len(sums) < MIN_RUNS_FOR_VARIANCE or not mean:
         own = float(squares.sum() / sums.sum()) if mean else 0.0
         return Total(mean, max(scale, own) / len(sums))
-    stretch = t_quantile(INTERVAL_95[1], len(sums) - 1) / normal_quantile(INTERVAL_95[1])
+    stretch = scipy.stats.t.ppf(INTERVAL_95[1], len(sums) - 1) / scipy.stats.norm.ppf(INTERVAL_95[1])
     return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(sums) / mean, MIN_SCALE_SHARE * mean))
 
 

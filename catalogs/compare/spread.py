@@ -15,7 +15,7 @@ does not exist: b of too few events, the standard deviation of one member.
   events (run, period)                 resolved events
   events_above_cut (run, period)       of these those that b is counted from
   b, b_error (run, period)             of log10 potency, resolved events at or above the cut: maximum likelihood without
-                                       upper bound (catalogs.sizes.estimate_b), as in comparison.nc
+                                       upper bound (catalogs.sources.sizes.estimate_b), as in comparison.nc
   energy_released, energy_dissipated (run, period) J
   <name>_statistics (period, statistic)   of each of these but b_error and events_above_cut
   size_bin_lower (size_bin) log10 P;  cumulative (run, size_bin)   resolved events of all dated steps at least so large
@@ -32,12 +32,41 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs import sizes
-from catalogs.comparison_settings import SpreadSettings
-from catalogs.periods import ALL_STEPS
+from catalogs.settings import ALL_STEPS, SpreadSettings
+from catalogs.sources import sizes
 from common.datasets import read_dataset
 from common.errors import InputError
-from common.event_table import read_events
+from common.event_table import NAMES, check_events, read_events
+
+
+def read_members(folders: list[str | os.PathLike], steps: list[str], mine: str) -> list[xr.Dataset]:
+    """One catalogue (form of common.event_table) of each member: events of the dated steps, in order of time.
+
+    folders: each with events/<step>.nc. Raises InputError for a missing or unreadable file, or one of another mine.
+    """
+    return [_read_member(Path(folder), steps, mine) for folder in folders]
+
+
+def _read_member(folder: Path, steps: list[str], mine: str) -> xr.Dataset:
+    parts = []
+    for step in steps:
+        path = folder / "events" / f"{step}.nc"
+        events = read_events(path)
+        if events.attrs["mine"] != mine:
+            raise InputError(f"{path}: is of mine {events.attrs['mine']}, not of {mine}")
+        parts.append(events[list(NAMES)].drop_attrs(deep=False))
+    joined = xr.concat(parts, "event").sortby("time")  # stable: ties stay in the order of steps, and of events in one
+    return check_events(joined.assign_attrs(mine=mine, kind="synthetic"), str(folder))
+
+
+def all_runs(catalog: xr.Dataset, members: list[xr.Dataset]) -> tuple[xr.Dataset, NDArray | None]:
+    """Events of all runs, the mine's own first, and the number of the run of each (event,); None if there is one."""
+    if not members:
+        return catalog, None
+    runs = [catalog, *members]
+    joined = xr.concat([run[list(NAMES)].drop_attrs(deep=False) for run in runs], "event").assign_attrs(catalog.attrs)
+    return joined, np.repeat(np.arange(len(runs)), [run.sizes["event"] for run in runs])
+
 
 STATISTICS = ("mean", "standard_deviation", "minimum", "maximum")
 QUANTITY_UNITS = {

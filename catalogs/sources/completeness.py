@@ -10,8 +10,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.jackknife import INTERVAL_95
-from catalogs.sizes import LN10, MIN_EVENTS_FOR_B
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.sizes import LN10, MIN_EVENTS_FOR_B
 
 # Bins of log10 potency for the search where sizes are not rounded. It is 0.07 of Mw; 0.1 is usual.
 SEARCH_BIN_WIDTH = 0.1

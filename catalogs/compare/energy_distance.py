@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from catalogs.jackknife import Scatter
+from catalogs.sources.jackknife import Scatter
 
 MAX_PAIRS_HELD = 1 << 22  # Pairs of events held in memory at once.
 

@@ -25,9 +25,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.comparison_settings import GridConvergenceSettings
-from catalogs.periods import ALL_STEPS
-from catalogs.sizes import log_potency
+from catalogs.settings import ALL_STEPS, GridConvergenceSettings
+from catalogs.sources.sizes import log_potency
 from common.errors import InputError
 
 SAFETY_FACTOR = 1.25  # Factor on the change between two cell sizes.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.completeness import truncated_beta
-from catalogs.sizes import MIN_EVENTS_FOR_B, above
+from catalogs.sources.completeness import truncated_beta
+from catalogs.sources.sizes import MIN_EVENTS_FOR_B, above
 
 POWER, TRUNCATED, NONE, FEW = "power law", "truncated power law", "no power law", "too few events"
 SIGNIFICANCE_LEVEL = 0.05  # A law with a smaller p-value is rejected.

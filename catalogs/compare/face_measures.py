@@ -1,4 +1,4 @@
-"""Where events lie relative to the face, of both catalogues: FACE_FIELDS of catalogs.comparison_layout.
+"""Where events lie relative to the face, of both catalogues: FACE_FIELDS of catalogs.compare.layout.
 
 A modelled event has no time within its step. So the events of both catalogues count from where the face stands at the
 end of their step. Modelled ones are moved at random by the record's location error, and UNIFORM_SHARE of their weight
@@ -12,13 +12,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.blocks import MIN_BLOCKS
-from catalogs.comparison_settings import ComparisonSlice
-from catalogs.event_density import UNIFORM_SHARE, box_around
-from catalogs.face import Face
-from catalogs.jackknife import INTERVAL_95
-from catalogs.location_errors import location_errors
+from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.face import Face
+from catalogs.compare.locations import UNIFORM_SHARE, box_around, location_errors
 from catalogs.records.times import parse_time
+from catalogs.settings import ComparisonSlice
+from catalogs.sources.jackknife import INTERVAL_95
 
 WEIGHTS = ("number", "potency")
 MEASURES = ("median ahead", "share ahead", "median across", "half width")
@@ -83,7 +82,7 @@ def face_measures(
     steps: Sequence[NDArray],
     settings: ComparisonSlice,
 ) -> dict:
-    """The variables; none without a face. Arguments as in `catalogs.place_and_axis_measures`, steps of all events."""
+    """The variables; none without a face. Arguments as in `compare.place_and_axis_measures`, steps of all events."""
     if not settings.face:
         return {}
     generator = np.random.default_rng([settings.seed, 4])

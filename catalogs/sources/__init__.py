@@ -1,0 +1,1 @@
+"""Single sources and their catalogues: sizes, mechanisms, completeness; QuakeML, ParaView and the twin."""
