@@ -329,7 +329,7 @@ def _clustering(record: Places, periods: Periods, chosen: NDArray) -> float:
     """Variance over mean of the number of events in windows of some days of the chosen periods."""
     if not len(chosen):
         return 1.0
-    return Exposure(periods.start[chosen], periods.end[chosen]).clustering(record.time)
+    return Exposure(periods.start[chosen], periods.end[chosen]).dispersion_index(record.time)
 
 
 @dataclass(frozen=True)

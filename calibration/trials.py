@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from catalogs.compare.exposure import Exposure
 from catalogs.compare.locations import box_around, information_gain, location_errors
-from catalogs.compare.sum_measures import potency_clustering
+from catalogs.compare.sum_measures import potency_variance_factor
 from catalogs.settings import DatedStep
 from catalogs.sources.completeness import completeness
 from catalogs.sources.sizes import log_potency
@@ -246,7 +246,7 @@ def read_record(
     """
     step, potency = exposure.step(record["time"].values), record["potency"].values
     used = (step >= 0) & (record["resolved"].values == 1)
-    dispersion_index = exposure.clustering(record["time"].values[used])
+    dispersion_index = exposure.dispersion_index(record["time"].values[used])
     counted = used & (log_potency(potency) >= cut)
     generator, steps = np.random.default_rng(seed), len(exposure.start)
     logs, variances = np.zeros(steps), np.zeros(steps)
@@ -263,7 +263,7 @@ def read_record(
         logs[index] = np.log(sizes.sum())
         drawn = generator.poisson(1.0, (BOOTSTRAPS, len(sizes))) @ sizes  # numbers vary as well as sizes
         drawn = drawn[drawn > 0.0]
-        variances[index] = np.log(drawn).var() * potency_clustering(sizes, dispersion_index)
+        variances[index] = np.log(drawn).var() * potency_variance_factor(sizes, dispersion_index)
     number = np.array([np.count_nonzero(counted & (step == index)) for index in range(steps)])
     excess = log_potency(potency[counted]) - cut
     return RecordedOutputs(logs, np.diag(variances), number, dispersion_index, *mean_excess(excess))

@@ -160,9 +160,11 @@ class ReportSlice(Settings):
 
     config: dict[str, Any]
     """as the user wrote it, defaults included"""
-    default: dict[str, Any]
-    excavations: Annotated[tuple[Scheduled, ...], AsTuple]
-    insitu: InsituStress
+    default: dict[str, Any] = None
+    """for the marks of what differs"""
+    excavations: Annotated[tuple[Scheduled, ...], AsTuple] = None
+    """when each is mined, if not as `config` says"""
+    insitu: InsituStress = None
 
 
 class GridConvergenceSettings(Settings):

@@ -90,7 +90,7 @@ class RecordedSteps:
         dispersion_index = 1.0
         if used.any():
             clusters = record_clusters(self.record, used, step)
-            dispersion_index = max(exposure.clustering(time[used]), cluster_size(clusters[used]))
+            dispersion_index = max(exposure.dispersion_index(time[used]), cluster_size(clusters[used]))
 
         def table(kinds: Sequence[str], least: float) -> NDArray:
             rows = [

@@ -74,8 +74,8 @@ class Exposure:
             found.append(np.bincount((time[inside] - start) // DAY, minlength=count))
         return found
 
-    def clustering(self, time: NDArray) -> float:
-        """How often the variance of the number of events is its mean: 1 if they are independent, never less.
+    def dispersion_index(self, time: NDArray) -> float:
+        """Variance of the number of events over its mean, at least 1, which is that of independent events.
 
         The largest value over windows of WINDOW_DAYS days, their numbers about the mean of their own step: what a step
         mines sets its rate, and that is no chance. 1 where no length has a variance that independent events hardly have
@@ -108,18 +108,18 @@ def window(step: Mapping[str, str]) -> tuple[np.datetime64, np.datetime64]:
     return parse_time(step["start"], "step start"), parse_time(step["end"], "step end")
 
 
-def total_interval(sizes: NDArray, clustering: float = 1.0, largest: float | None = None) -> NDArray:
+def total_interval(sizes: NDArray, dispersion_index: float = 1.0, largest: float | None = None) -> NDArray:
     """95 % interval (2,) of what is expected of a sum of positive sizes (event,), whatever law they follow.
 
     It holds for sizes up to `largest` (that of the largest event if not given): a power law without an upper end, of b
     below 1, has no mean, and nothing bounds a sum of it. Gamma limits of equal mean and variance, the upper one with
     one event more, of size `largest` (Fay and Feuer 1997); of equal sizes they are the exact Poisson limits (Garwood
-    1936). clustering: by what the variance is larger than that of independent events. No event: from 0; NaN if
+    1936). dispersion_index: variance of the number of events over its mean. No event: from 0; NaN if
     `largest` is not given either.
     """
     sizes = np.asarray(sizes, float)
-    total, variance = sizes.sum(), clustering * np.sum(sizes**2)
-    one = clustering * (sizes.max(initial=0.0) if largest is None else largest)
+    total, variance = sizes.sum(), dispersion_index * np.sum(sizes**2)
+    one = dispersion_index * (sizes.max(initial=0.0) if largest is None else largest)
     if not total + one > 0:
         return np.full(2, np.nan)
     lower = variance / (2 * total) * scipy.stats.chi2.ppf(INTERVAL_95[0], 2 * total**2 / variance) if total else 0.0

@@ -34,19 +34,19 @@ def sum_measures(
     number = [float(len(values)) for values in potency]
     summed = [float(values.sum()) for values in potency]
     whole = [float(np.nansum(events["potency"].values)) for events in both]
-    clustering = max(exposure.clustering(both[1]["time"].values[used[1]]), cluster_size(clusters[used[1]]))
+    dispersion_index = max(exposure.dispersion_index(both[1]["time"].values[used[1]]), cluster_size(clusters[used[1]]))
     runs = [potency[0], *(_counted(member, cut, exposure) for member in members)]
     runs = runs if len(runs) >= MIN_RUNS_FOR_VARIANCE else runs[:1]
 
     ones = [np.ones_like(values) for values in potency]
-    counted = total_ratio(_of_runs(runs, np.ones_like, 1.0), Total(number[1], clustering))
+    counted = total_ratio(_of_runs(runs, np.ones_like, 1.0), Total(number[1], dispersion_index))
     # of all runs and the record: the few events of one say little of the scale of its sizes
     every = np.concatenate([*runs, potency[1]])
     scale = float(np.sum(every**2) / every.sum()) if every.size else np.nan
     own = max(scale, float(np.sum(potency[1] ** 2)) / summed[1]) if summed[1] else scale
-    by_clusters = potency_clustering(potency[1], clustering)
+    by_clusters = potency_variance_factor(potency[1], dispersion_index)
     released = total_ratio(_of_runs(runs, np.asarray, scale), Total(summed[1], own * by_clusters))
-    intervals = [total_interval(ones[1], clustering, 1.0), total_interval(potency[1], by_clusters)]
+    intervals = [total_interval(ones[1], dispersion_index, 1.0), total_interval(potency[1], by_clusters)]
     days = exposure.days
     variables = {
         "events_above_cut": ("catalogue", np.array(number, np.int64)),
@@ -55,7 +55,7 @@ def sum_measures(
         "potency_rate": ("catalogue", np.array(summed) / days),
         "event_rate_interval": ("interval", intervals[0] / days),
         "potency_rate_interval": ("interval", intervals[1] / days),
-        "record_clustering": ((), clustering),
+        "record_clustering": ((), dispersion_index),
         "model_runs": ((), np.int64(len(runs))),
         "event_ratio": ((), counted.value),
         "event_ratio_interval": ("interval", counted.interval),
@@ -67,7 +67,7 @@ def sum_measures(
         "potency_ratio_interval": ("interval", released.interval),
         "potency_ratio_p_value": ((), released.p_value),
     }
-    return variables, {"sums_text": _text(potency, runs, intervals[0], counted, clustering, days)}
+    return variables, {"sums_text": _text(potency, runs, intervals[0], counted, dispersion_index, days)}
 
 
 def cluster_size(clusters: NDArray) -> float:
@@ -77,12 +77,12 @@ def cluster_size(clusters: NDArray) -> float:
     return float(np.sum(sizes**2) / sizes.sum()) if len(sizes) else 1.0
 
 
-def potency_clustering(potency: NDArray, clustering: float) -> float:
+def potency_variance_factor(potency: NDArray, dispersion_index: float) -> float:
     """Factor by which clusters raise the variance of summed potency (event,), if sizes do not depend on the cluster."""
     if not len(potency):
         return 1.0
     worth = potency.sum() ** 2 / np.sum(potency**2)
-    return 1.0 + (clustering - 1.0) * worth / len(potency)
+    return 1.0 + (dispersion_index - 1.0) * worth / len(potency)
 
 
 def _counted(member: xr.Dataset, cut: float, exposure: Exposure) -> NDArray:
@@ -112,7 +112,7 @@ def mean_total(sums: NDArray, squares: NDArray, scale: float) -> Total:
     return Total(mean, max(stretch**2 * sums.var(ddof=1) / len(sums) / mean, MIN_SCALE_SHARE * mean))
 
 
-def _text(potency, runs, interval, counted, clustering: float, days: float) -> str:
+def _text(potency, runs, interval, counted, dispersion_index: float, days: float) -> str:
     """In sentences: the expected number of recorded events, that of the model, their p-value, and what the intervals
     contain."""
     model, record = len(runs[0]), len(potency[1])
@@ -123,8 +123,8 @@ def _text(potency, runs, interval, counted, clustering: float, days: float) -> s
     if not record:
         said = f"the record has no event{when}. The expected number of recorded events is less than "
         said += f"{interval[1]:.3g} (95 %)"
-    if clustering > 1.0 and record:
-        said += f"; events come in clusters, which raises the variance of their number {clustering:.2g} times"
+    if dispersion_index > 1.0 and record:
+        said += f"; events come in clusters, which raises the variance of their number {dispersion_index:.2g} times"
     said += f". The model makes {made}"
     if np.isfinite(counted.p_value):
         said += f"; p = {counted.p_value:.2g}" if counted.p_value >= 5e-4 else "; p < 0.001"

@@ -19,7 +19,7 @@ from catalogs.figures.planes import PLAN, Plane, corners_of, frame, plane_of, se
 WIDTH, HEIGHT = 7.6, 4.9  # Inches that the picture has at most.
 LEFT, RIGHT, TOP, BOTTOM, KEY = 0.68, 0.12, 0.26, 0.42, 0.5  # Inches around a panel, and below all of them.
 SMALLEST, LARGEST = 5.0, 15.0  # Points: diameters of the smallest and largest event drawn.
-LEAST_RANGE = 0.5  # Mw; on the scale of diameters the smallest and largest event differ by this at least.
+MIN_RANGE = 0.5  # Mw; on the scale of diameters the smallest and largest event differ by this at least.
 MAX_STEPS_IN_KEY = 6
 WHITE_RIM = [patheffects.withStroke(linewidth=3.0, foreground="white")]
 
@@ -122,7 +122,7 @@ def _diameters(magnitudes: list[NDArray]) -> Callable[[NDArray], NDArray]:
     known = np.concatenate([np.zeros(0), *magnitudes])
     known = known[np.isfinite(known)]
     high = float(known.max()) if len(known) else 0.0
-    low = min(float(known.min()) if len(known) else 0.0, high - LEAST_RANGE)
+    low = min(float(known.min()) if len(known) else 0.0, high - MIN_RANGE)
 
     def diameter(magnitude: NDArray) -> NDArray:
         share = np.clip((np.nan_to_num(magnitude, nan=low) - low) / (high - low), 0.0, 1.0)

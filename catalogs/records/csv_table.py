@@ -208,11 +208,11 @@ def read_table(
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # a row with more cells than names
             rows = pd.read_csv(
-                io.StringIO(body), sep=separator, names=_apart(header),
+                io.StringIO(body), sep=separator, names=_unique_names(header),
                 dtype=str, skipinitialspace=True, keep_default_na=False, index_col=False,
             )  # fmt: skip
     except pd.errors.EmptyDataError:
-        rows = pd.DataFrame(columns=_apart(header), dtype=str)
+        rows = pd.DataFrame(columns=_unique_names(header), dtype=str)
     except (ValueError, pd.errors.ParserWarning) as error:  # pandas' parser errors are ValueErrors
         raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
     table = Table(rows, str(path), decimal, sure)
@@ -284,6 +284,6 @@ def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
     return found
 
 
-def _apart(header: list[str]) -> list[str]:
+def _unique_names(header: list[str]) -> list[str]:
     """Unique names for columns without a name, or with a repeated one."""
     return [name if name and name not in header[:place] else f"{name}#{place + 1}" for place, name in enumerate(header)]

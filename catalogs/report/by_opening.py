@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from catalogs.compare.exposure import window
 from catalogs.figures.views import axes_of
-from catalogs.report.inputs import Evidence
+from catalogs.report.evidence import Evidence
+from catalogs.report.text import number, percent
 from catalogs.sources.openings import nearest_opening
 from catalogs.sources.sizes import log_potency
 
@@ -45,7 +46,7 @@ def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDAr
 
     A modelled event has its step, a recorded one the step within whose dates it lies. -1 where no step is.
     """
-    order = {step["step"]: number for number, step in enumerate(evidence.steps)}
+    order = {step["step"]: place for place, step in enumerate(evidence.steps)}
     own = np.array([order.get(str(name), -1) for name in events["step"].values], int)
     for step in evidence.dated:
         start, end = window(step)
@@ -53,8 +54,8 @@ def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDAr
         own[(own < 0) & (time >= start) & (time < end)] = order[step["step"]]
     # openings without a date are mined before the first step
     mined = np.array([-1 if not one.planned else len(order) for one in evidence.excavations], int)
-    for number, one in enumerate(evidence.excavations):
-        mined[number] = order.get(one.step, mined[number])
+    for index, one in enumerate(evidence.excavations):
+        mined[index] = order.get(one.step, mined[index])
     grid, axes = evidence.grid, axes_of(evidence.grid)
     found, distance = np.full(len(own), -1), np.full(len(own), np.nan)
     for step in np.unique(own[own >= 0]):
@@ -80,9 +81,9 @@ def opening_rows(evidence: Evidence, catalogues: list[xr.Dataset], counted: list
         kept = chosen & (opening >= 0)
         sides.append((opening[kept], distance[kept], events["potency"].values[kept]))
     rows = []
-    for number, excavation in enumerate(evidence.excavations):
-        if any((opening == number).any() for opening, _, _ in sides):
-            near = tuple(_near(side, side[0] == number, excavation.drawn) for side in sides)
+    for index, excavation in enumerate(evidence.excavations):
+        if any((opening == index).any() for opening, _, _ in sides):
+            near = tuple(_near(side, side[0] == index, excavation.drawn) for side in sides)
             rows.append(OpeningRow(excavation.name, excavation.step, excavation.drawn, near))
     return rows
 
@@ -122,3 +123,18 @@ def with_most_potency(rows: list[OpeningRow]) -> list[OpeningRow]:
             )
         )
     return [*rows[:ROWS_LISTED], OpeningRow(f"{len(others)} others", "", mined, tuple(sums))]
+
+
+def where(evidence: Evidence) -> list[str]:
+    """How near to excavations events are, and which one has most potency nearest to it."""
+    events = evidence.resolved
+    if events is None or not events.sizes["event"]:
+        return []
+    rows = opening_rows(evidence, [events], [np.ones(events.sizes["event"], bool)])
+    if not rows:
+        return []
+    first = max(rows, key=lambda row: row.sides[0].potency)
+    return [
+        f"Half of the events lie within {number(np.median(nearest_mined(evidence, events)[1]), 2)} m of an excavation; "
+        f"{percent(first.sides[0].share)} of the potency is nearest to {first.name}."
+    ]

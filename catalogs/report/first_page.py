@@ -1,32 +1,33 @@
 """The first page: what a decision needs, on one screen and one sheet of paper."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
 
+from catalogs.compare.locations import location_errors
 from catalogs.figures import style
 from catalogs.figures.first_page_figure import Mined, first_page
 from catalogs.figures.planes import box_of, within_reach
-from catalogs.report.banners import Banner
-from catalogs.report.catalogues_shown import compared_events, shown_catalogues
+from catalogs.report.evidence import MODEL_LABEL, Evidence, compared_events, shown_catalogues
 from catalogs.report.gallery import Gallery
-from catalogs.report.inputs import MODEL_LABEL, Evidence
-from catalogs.report.next_steps import next_steps
-from catalogs.report.step_lines import StepLine, cut_of, that_matter, total
+from catalogs.report.sections.steps import cut_of, latest_and_largest, step_lines, total
+from catalogs.report.sections.warnings import Advice, Banner, banners
 from catalogs.report.text import plural, whole
-from catalogs.report.uncertainty import sources
-from catalogs.report.verdict import size_of_cut, verdict
+from catalogs.report.uncertainty import Source, sources
+from catalogs.report.verdict import differs, size_of_cut, verdict
 
 PLANNED = "#ffffff"
 LARGEST_DRAWN = 10  # Events of each catalogue in the picture.
 TWIN = "The record is a twin: this pipeline made it with other settings, and nothing in it was measured."
 MAX_BRIEF = 3  # Warnings that the first page names.
+MAX_NEXT = 3
 
 
-def section(evidence: Evidence, warnings: Sequence[Banner], lines: Sequence[StepLine], gallery: Gallery) -> dict:
+def section(evidence: Evidence, gallery: Gallery) -> dict:
     """What the template of the first page shows."""
-    uncertain, chosen = sources(evidence), that_matter(lines)
+    warnings, lines, uncertain = banners(evidence), step_lines(evidence), sources(evidence)
+    chosen = latest_and_largest(lines)
     return {
         "when": _when(evidence),
         "notice": TWIN if evidence.is_twin else "",
@@ -109,3 +110,52 @@ def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:
         order = np.argsort(-np.nan_to_num(own["potency"].values), kind="stable")[:LARGEST_DRAWN]
         found[label] = (style.MODELLED if label == MODEL_LABEL else style.RECORDED, own.isel(event=order))
     return found
+
+
+def next_steps(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequence[Source]) -> list[Advice]:
+    """At most MAX_NEXT: mend what is wrong; get something to compare with; correct a potency that is off; make what is
+    most uncertain less so; state what is missing; look ahead."""
+    found: dict[Advice, None] = {}  # in order, each once
+    for advice in _all(evidence, warnings, uncertain):
+        found.setdefault(advice)
+    return list(found)[:MAX_NEXT]
+
+
+def _all(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequence[Source]) -> Iterator[Advice]:
+    yield from (one.mend for one in warnings if one.mend is not None)
+    if not evidence.steps:
+        yield Advice("Mine the excavations in steps with dates:", "steps")
+    elif not evidence.dated:
+        yield Advice("Give each step that is to be compared its dates:", "steps: start, end")
+    if evidence.record is None and "record" not in evidence.config:
+        yield Advice("Give the events that were recorded, to check the model with:", "record")
+    if evidence.is_twin:
+        yield Advice("Compare with events that were measured:", "record")
+    if evidence.dated and evidence.catalog is not None and not evidence.catalog.sizes["event"]:
+        yield Advice("Check signs and sizes of stress and strength, since no rock failed:", "insitu_stress, materials")
+    if evidence.comparison is not None and _is_off(evidence):
+        yield _calibrate(evidence)
+    # First what was never measured, then the largest of what was.
+    unknown = [one for one in uncertain if not np.isfinite(one.factor)]
+    known = [one for one in uncertain if np.isfinite(one.factor) and one.matters]
+    yield from (one.advice for one in [*unknown, *known] if one.advice is not None)
+    if evidence.record is not None and not location_errors(evidence.record).any() and evidence.record.sizes["event"]:
+        yield Advice("State how well recorded events are located:", "record.location_error")
+    if evidence.config.get("plans"):
+        yield Advice("Compare the mining plans:", "snakemake plans")
+    planned = [row.name for row in evidence.excavations if row.planned]
+    if planned and evidence.dated:
+        yield Advice(f"See what mining {planned[0]} would do, by giving it a step:", f"excavations.{planned[0]}.step")
+
+
+def _calibrate(evidence: Evidence) -> Advice:
+    """To fit the rock to the record, for which the mine file has to name what is uncertain."""
+    named = evidence.config.get("calibration", {}).get("quantities")
+    text = "Fit the properties of the rock to the record"
+    return Advice(f"{text}:" if named else f"{text}, by naming them in the section calibration:", "snakemake calibrate")
+
+
+def _is_off(evidence: Evidence) -> bool:
+    """Whether the record has events, and the model's potency or number differs from theirs by more than chance."""
+    recorded = int(evidence.comparison["events_above_cut"].sel(catalogue="record"))
+    return recorded > 0 and any(differs(evidence, name) for name in ("potency_ratio", "event_ratio"))

@@ -1,131 +1,112 @@
 """`report.html`: one page, complete in itself, that a mine's geotechnical engineer reads from top to bottom."""
 
-import json
+import base64
+import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 import jinja2
 import numpy as np
 
-from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
-from catalogs.figures.record_figure import EVENTS_PER_WINDOW
-from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
-from catalogs.report import first_page, sections, text
-from catalogs.report.banners import banners
+from catalogs.report import first_page, sections
+from catalogs.report.evidence import read_evidence
 from catalogs.report.gallery import draw_sections
-from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE, discretisation
-from catalogs.report.inputs import Evidence, read_evidence
-from catalogs.report.record_text import sentences
-from catalogs.report.section_numbers import TOPICS, section_number
-from catalogs.report.step_lines import caption, step_lines
-from catalogs.report.text import fixed, number, percent, whole
-from catalogs.report.view_section import content_security_policy
-from catalogs.settings import InsituStress, Scheduled
-from catalogs.sources.mechanisms import MAX_CONE
+from catalogs.report.sections import (
+    axes,
+    balls,
+    budget,
+    config,
+    convergence,
+    events,
+    forecasts,
+    record,
+    resources,
+    rock,
+    scene,
+    sizes,
+    spread,
+    steps,
+    truncated,
+    view,
+    warnings,
+)
+from catalogs.report.text import fixed, number, percent, typeset, whole
+from catalogs.settings import ReportSlice
 from common.datasets import atomic_path
 from common.pages import page_templates
 from common.provenance import comment
 
-TEMPLATES = Path(__file__).parent / "templates"
-LIMITS = {  # of the code, that the page's own sentences name
-    "least_error": MIN_ERROR_SHARE,
-    "safety": SAFETY_FACTOR,
-    "too_coarse": MAX_ERROR_SHARE,
-    "shown_excavated": MIN_EXCAVATED_SHARE_DRAWN,
-    "window": EVENTS_PER_WINDOW,
-    "widest_cone": MAX_CONE,
-}
+FOLDER = Path(__file__).parent  # "templates" and, beside each section's module, its own
+SCRIPTS = [FOLDER / "browser" / name for name in ("three.min.js", "view.js")]  # in order
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+APPENDIX = (
+    *(warnings, record, scene, view, rock, steps, events, sizes, axes, balls),
+    *(convergence, spread, forecasts, truncated, budget, resources, config),
+)
+MODULES = {"first": first_page} | {module.__name__.rpartition(".")[2]: module for module in APPENDIX}
+SLOWEST_FIRST = ("axes", "events", "rock", "convergence", "scene", "balls", "view", "sizes", "spread", "first")
 
 
 def write_report(
-    *,
-    config: dict,
-    grid: str | os.PathLike,
+    paths: Mapping[str, str | os.PathLike | Sequence],
+    settings: ReportSlice,
     output: str | os.PathLike,
     figures: str | os.PathLike,
-    elastic: str | os.PathLike | None = None,
-    steps: Sequence = (),
-    events: Sequence = (),
-    catalog: str | os.PathLike | None = None,
-    record: str | os.PathLike | None = None,
-    comparison: str | os.PathLike | None = None,
-    spread: str | os.PathLike | None = None,
-    closeness: str | os.PathLike | None = None,
-    grid_convergence: str | os.PathLike | None = None,
-    forecast_scores: str | os.PathLike | None = None,
     logs: str | os.PathLike | None = None,
-    default: dict | None = None,
-    excavations: Sequence[Scheduled] | None = None,
-    insitu: InsituStress | None = None,
     made_from: str = "",
     processes: int = 1,
 ) -> None:
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
-    config: the resolved configuration as the user wrote it (units as text), default: config/default.yaml, for the marks
-    of what differs; grid, elastic, steps, events, catalog, record, comparison, spread, closeness, grid_convergence,
-    forecast_scores:
-    datasets, absent stages None or empty; logs: folder of the logs of this mine's stages; excavations: when each is
-    mined, if not as `config` says; insitu: the stress before mining; made_from: see common.provenance; processes: how
-    many draw sections at the same time.
+    paths: the mine's datasets, as `read_evidence` takes them; settings: configuration and defaults as the user wrote
+    them, with units as text; logs: folder of the logs of this mine's stages; made_from: see common.provenance;
+    processes: how many draw sections at the same time.
     Same inputs, same bytes, whatever `processes` is. Raises InputError where a dataset is unreadable or no catalogue.
     """
-    evidence = read_evidence(
-        config, default, grid, elastic, list(steps), list(events), catalog, record, comparison, spread, closeness,
-        grid_convergence, logs, excavations, insitu, forecast_scores,
-    )  # fmt: skip
-    lines, warnings = step_lines(evidence), banners(evidence)
-    first = partial(first_page.section, evidence, warnings, lines)
-    shown = draw_sections(sections.sections_of(evidence) | {"first": first}, Path(figures), processes)
-    page = _environment().get_template("report.html.j2").render(
+    evidence = read_evidence(paths, settings, logs)
+    parts = {name: partial(MODULES[name].section, evidence) for name in (*SLOWEST_FIRST, *MODULES)}
+    shown = draw_sections(parts, Path(figures), processes)
+    scripts = [path.read_text(encoding="utf-8") for path in SCRIPTS] if shown["view"] else []
+    page = _environment(output).get_template("templates/report.html.j2").render(
         evidence=evidence,
         mine=evidence.grid.attrs["mine"],
-        banners=warnings,
-        headline=text.headline(evidence),
-        step_lines=lines,
-        step_caption=caption(evidence) if lines else "",
-        discretisation=discretisation(evidence),
-        beside=sentences(evidence),
         many=sections.MAX_ROWS_UNFOLDED,
-        limits=LIMITS,
-        topics=TOPICS,
-        section_number=section_number,
-        policy=content_security_policy(shown["view"]["scripts"] if shown["view"] else []),
-        config_lines=text.config_lines(config, default),
-        versions=_versions(evidence),
-        files=[(_short(path, output), attributes) for path, attributes in evidence.files.items()],
+        topics=sections.TOPICS,
+        names=list(sections.SECTIONS),
+        section_number=sections.section_number,
+        policy=content_security_policy(scripts),
+        scripts=scripts,
         **shown,
     )  # fmt: skip
     with atomic_path(output) as temporary:
         temporary.write_text(page.rstrip() + "\n" + comment(made_from), encoding="utf-8")
 
 
-def _environment() -> jinja2.Environment:
-    environment = page_templates(TEMPLATES)
+def content_security_policy(scripts: list[str]) -> str:
+    """What the browser lets the page do: run these scripts, show images that it contains, and ask no address."""
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
+    return f"{POLICY}; script-src " + (" ".join(f"'sha256-{digest}'" for digest in digests) or "'none'")
+
+
+def _environment(output) -> jinja2.Environment:
+    """The templates and their filters; output: the page, to which paths of files are written relative."""
+    environment = page_templates(FOLDER)
     filters: dict[str, Callable] = {
         "number": number,
         "percent": percent,
         "whole": whole,
         "fixed": fixed,
-        "typeset": text.typeset,
+        "typeset": typeset,
+        "short": partial(_short, Path(output).resolve().parent),
     }
     filters["logarithm"] = lambda value: fixed(np.log10(value) if value > 0 else np.nan, 2)
     environment.filters.update(filters)
     return environment
 
 
-def _versions(evidence: Evidence) -> dict[str, str]:
-    """Package versions named by the datasets; where files differ, each version."""
-    found: dict[str, set[str]] = {}
-    for attributes in evidence.files.values():
-        for name, version in json.loads(attributes.get("versions", "{}")).items():
-            found.setdefault(name, set()).add(version)
-    return {name: ", ".join(sorted(versions)) for name, versions in sorted(found.items())}
-
-
-def _short(path: str, output) -> str:
+def _short(folder: Path, path: str) -> str:
     """A dataset's path below the report's own folder where it lies there, else its name."""
-    full, folder = Path(path).resolve(), Path(output).resolve().parent
+    full = Path(path).resolve()
     return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else full.name

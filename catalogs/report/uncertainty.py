@@ -7,14 +7,14 @@ import numpy as np
 
 from catalogs.compare.blocks import MIN_BLOCKS
 from catalogs.compare.grid_convergence import MIN_ERROR_SHARE
-from catalogs.report.banners import Advice, finer_cells
-from catalogs.report.grid_convergence_text import MAX_AT_ONCE_SHARE, MAX_ERROR_SHARE, cell_errors, increment_share
-from catalogs.report.inputs import Evidence
+from catalogs.report.evidence import Evidence
+from catalogs.report.sections.convergence import MAX_AT_ONCE_SHARE, MAX_ERROR_SHARE, cell_errors, increment_share
+from catalogs.report.sections.warnings import Advice, finer_cells
 from catalogs.report.text import number, percent
 from catalogs.settings import ALL_STEPS
 
 DEVIATIONS = 2.0  # Standard deviations: about 95 % of runs lie within so many of their mean.
-LEAST_FACTOR = 1.25  # A source with a smaller factor is not worth a run of its own.
+MIN_FACTOR = 1.25  # A source with a smaller factor is not worth a run of its own.
 ENSEMBLE = Advice("Run the mine several times with changes too small to measure:", "ensemble: 8")
 SECOND_RUN = Advice("Run the mine a second time on larger cells:", "grid_convergence: true")
 
@@ -32,7 +32,7 @@ class Source:
     @property
     def matters(self) -> bool:
         """Whether to do something about it."""
-        return not self.factor < LEAST_FACTOR
+        return not self.factor < MIN_FACTOR
 
 
 def sources(evidence: Evidence) -> list[Source]:

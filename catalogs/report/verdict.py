@@ -1,15 +1,23 @@
 """What the model says and how well it agrees with the record, in sentences for the first page."""
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from catalogs.report.inputs import Evidence
-from catalogs.report.largest_event import expected_range
-from catalogs.report.step_lines import cut_of, shear_modulus
-from catalogs.report.text import between, fixed, headline, magnitude, number, percent, where
+from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.size_measures import fit
+from catalogs.compare.spread import SPREAD_BIN_WIDTH
+from catalogs.report.by_opening import where
+from catalogs.report.evidence import Evidence
+from catalogs.report.sections.steps import cut_of, headline, shear_modulus
+from catalogs.report.text import between, fixed, magnitude, number, percent
+from catalogs.settings import ComparisonSettings
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.size_law import POWER
+from catalogs.sources.sizes import log_potency
 
 SIGNIFICANCE = 0.05  # A difference with a smaller p-value is more than chance explains.
-LEAST_AS_FRACTION = 0.2  # Smaller ratios are written as 1/n.
-LEAST_SHARE_COMPARED = 0.5  # Of the recorded potency; where less is compared, all of it is named, too.
+MIN_RATIO_AS_DECIMAL = 0.2  # Smaller ratios are written as 1/n.
+MIN_SHARE_COMPARED = 0.5  # Of the recorded potency; where less is compared, all of it is named, too.
 FAR = 3.0  # A factor by which potency is far off.
 
 
@@ -37,7 +45,7 @@ def verdict(evidence: Evidence) -> list[str]:
 
 def as_ratio(value: float) -> str:
     """A ratio as a reader says it: 1.2, 0.43, 1/29."""
-    if 0 < value < LEAST_AS_FRACTION:
+    if 0 < value < MIN_RATIO_AS_DECIMAL:
         return f"1/{number(1 / value, 2)}"
     return number(value, 2)
 
@@ -90,9 +98,9 @@ def _small_events(evidence: Evidence) -> list[str]:
     """The ratio of potency of all sizes, where most of the recorded potency is in events too small to be compared."""
     above, whole = (float(evidence.comparison[name].values[1]) for name in ("summed_potency", "summed_potency_all"))
     ratio = float(evidence.comparison["potency_ratio_all"])
-    if not whole > 0.0 or above >= LEAST_SHARE_COMPARED * whole or not np.isfinite(ratio):
+    if not whole > 0.0 or above >= MIN_SHARE_COMPARED * whole or not np.isfinite(ratio):
         return []
-    of = "of" if 0 < ratio < LEAST_AS_FRACTION else "times"
+    of = "of" if 0 < ratio < MIN_RATIO_AS_DECIMAL else "times"
     return [
         f"Smaller events hold {percent(1.0 - above / whole)} of the recorded potency. Of all sizes the model releases "
         f"{as_ratio(ratio)} {of} the recorded potency."
@@ -102,7 +110,7 @@ def _small_events(evidence: Evidence) -> list[str]:
 def _ratio(evidence: Evidence, name: str, of: str) -> str:
     """A ratio of what is modelled to what is recorded of a quantity, with its interval."""
     ratio, interval = float(evidence.comparison[name]), evidence.comparison[f"{name}_interval"].values
-    text = f"{as_ratio(ratio)} {'of' if 0 < ratio < LEAST_AS_FRACTION else 'times'} the recorded {of}"
+    text = f"{as_ratio(ratio)} {'of' if 0 < ratio < MIN_RATIO_AS_DECIMAL else 'times'} the recorded {of}"
     return text + (f" (95 %: {between(interval, as_ratio)})" if np.isfinite(interval).any() else "")
 
 
@@ -205,3 +213,57 @@ def _cannot(evidence: Evidence) -> str:
             none = not np.isfinite(evidence.record["p_axis"].values).any()
             found.append("in which direction rock moved" + (" (the record has no mechanisms)" if none else ""))
     return f"It cannot say {', '.join(found[:-1])}{' or ' if len(found) > 1 else ''}{found[-1]}."
+
+
+def largest_of(events: int, b: float, cut: float, share: ArrayLike, end: float = np.inf) -> NDArray:
+    """log10 potency below which the largest of so many independent events of a power law lies with these chances.
+
+    N(>= P) falls as P^-b from the cut to the end of the law (log10 m3), so that an event is below x with
+    F(x) = (1 - 10^(-b (x - cut))) / (1 - 10^(-b (end - cut))), and the largest with F(x)^events.
+    """
+    beyond = 10.0 ** (-b * (end - cut))
+    above = -np.expm1(np.log(np.asarray(share, float)) / events)  # 1 - F
+    return cut - np.log10(above * (1.0 - beyond) + beyond) / b
+
+
+def expected_range(evidence: Evidence) -> tuple[NDArray, str] | None:
+    """log10 potency (lower, upper) between which the largest modelled event may lie by chance, and words for it.
+
+    Of an ensemble the range of its runs; of one run the 95 % interval of the law of sizes, if they follow a power law:
+    nothing says where it ends, but no event is larger than all that the model releases. None where neither is known.
+    """
+    runs = evidence.spread
+    if runs is not None and int(runs.attrs["members"]) >= MIN_BLOCKS and runs.sizes["size_bin"]:
+        filled = runs["cumulative"].values > 0
+        middle = runs["size_bin_lower"].values + SPREAD_BIN_WIDTH / 2
+        largest = np.where(filled, middle, -np.inf).max(axis=1)
+        if np.isfinite(largest).all():
+            return np.array(
+                [largest.min(), largest.max()]
+            ), f"In {len(largest)} equally valid runs the largest event has"
+    law = _law(evidence)
+    if law is None:
+        return None
+    events, b, cut = law
+    end = float(np.log10(evidence.catalog["potency"].values.sum()))
+    if not end > cut:
+        return None
+    return largest_of(events, b, cut, INTERVAL_95, end), (
+        "If no event is larger than all potency that the model releases, chance alone (95 %) puts the largest event at"
+    )
+
+
+def _law(evidence: Evidence) -> tuple[int, float, float] | None:
+    """Number of modelled events above the cut, b and the cut (log10 m3) of a power law; None where they follow none."""
+    comparison = evidence.comparison
+    if comparison is not None:
+        if comparison.attrs["law_model"] != POWER:
+            return None
+        here = comparison.sel(catalogue="model")
+        return int(here["events_above_cut"]), float(here["b"]), float(comparison["cut"])
+    floor = float(evidence.catalog.attrs["potency_floor"])
+    if not floor > 0:
+        return None
+    sizes, cut = log_potency(evidence.resolved["potency"].values), float(np.log10(floor))
+    found = fit(sizes[np.isfinite(sizes)], cut, 0.0, False, ComparisonSettings())
+    return None if found.law.name != POWER else (found.plain.events, found.plain.b, cut)

@@ -3,7 +3,6 @@
 Nothing here is mechanics: stresses and strains are plausible shapes, so that the report has something to show.
 """
 
-import inspect
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from catalogs.compare.comparison import compare
-from catalogs.report.inputs import Evidence, read_evidence
+from catalogs.report.evidence import DATASETS, Evidence, read_evidence
+from catalogs.report.page import write_report
+from catalogs.settings import ReportSlice
 from common.datasets import write_dataset
 from common.event_table import new_catalog
 
@@ -58,7 +59,7 @@ DEFAULT = {
 
 @dataclass
 class Mine:
-    """Paths of a synthetic mine's files, ready for write_report(**mine.arguments(...))."""
+    """Paths of a synthetic mine's files, ready for write_page(**mine.arguments(...))."""
 
     folder: Path
     grid: Path
@@ -80,8 +81,21 @@ class Mine:
 
 
 def evidence_of(**arguments) -> Evidence:
-    """What write_report reads where it is given these arguments."""
-    return read_evidence(**{name: arguments.get(name) for name in inspect.signature(read_evidence).parameters})
+    """What write_page reads where it is given these arguments."""
+    return read_evidence(*_inputs(arguments), arguments.get("logs"))
+
+
+def write_page(*, output: Path, figures: Path, logs: Path | None = None, processes: int = 1, **arguments) -> None:
+    """The report of datasets and settings, given by name as Mine.arguments does."""
+    write_report(*_inputs(arguments), output, figures, logs, processes=processes)
+
+
+def _inputs(arguments: dict) -> tuple[dict, ReportSlice]:
+    """Paths of the datasets that are there, and the settings."""
+    given = {name: value for name, value in arguments.items() if value is not None}
+    settings = {name: given[name] for name in ("default", "excavations", "insitu") if name in given}
+    paths = {name: given[name] for name in ("grid", "elastic", "steps", "events", *DATASETS) if name in given}
+    return paths, ReportSlice(config=given.get("config", {}), **settings)
 
 
 def write_nothing(figure: Figure, path: Path) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from catalogs.report.inputs import Excavation
+from catalogs.report.evidence import Excavation
 from common.source_tensors import moment_magnitude
 
 SHEAR = 30e9  # Pa

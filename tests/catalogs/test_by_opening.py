@@ -3,23 +3,17 @@
 import numpy as np
 import pytest
 import xarray as xr
-from report_fixtures import make_mine
+from report_fixtures import evidence_of, make_mine
 
 from catalogs.report import by_opening
 from catalogs.report.by_opening import Near, OpeningRow, nearest_mined, opening_rows, with_most_potency
-from catalogs.report.inputs import read_evidence
 
 
 @pytest.fixture(scope="module", params=[3, 2])
 def evidence(request, tmp_path_factory):
     """Of a synthetic mine in three dimensions, and in a plane."""
     mine = make_mine(tmp_path_factory.mktemp("mine"), dimension=request.param)
-    given = mine.arguments()
-    names = ("config", "default", "grid", "elastic", "steps", "events", "catalog", "record", "comparison")
-    return read_evidence(
-        **{name: given[name] for name in names},
-        spread=None, closeness=None, grid_convergence=None, logs=None, excavations=None, insitu=None,
-    )  # fmt: skip
+    return evidence_of(**mine.arguments())
 
 
 def all_of(events: xr.Dataset):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from catalogs.figures.convergence_figure import convergence
+from catalogs.report.sections.convergence import convergence
 
 
 def stage_of(**columns) -> xr.Dataset:

@@ -122,9 +122,9 @@ def test_clusters_widen_the_interval_and_independent_events_hardly_ever():
     7 % (and three standard errors, 4.6) are taken for clustered."""
     generator = np.random.default_rng(4)
     exposure = Exposure.of((DatedStep(name="a", start="2019-08-01", end="2019-10-30"),), None)
-    bursts = [exposure.clustering(days(*np.repeat(generator.uniform(0, 90, 20), 10))) for _ in range(100)]
+    bursts = [exposure.dispersion_index(days(*np.repeat(generator.uniform(0, 90, 20), 10))) for _ in range(100)]
     assert 8 < np.mean(bursts) < 14
-    single = [exposure.clustering(days(*generator.uniform(0, 90, 40))) for _ in range(200)]
+    single = [exposure.dispersion_index(days(*generator.uniform(0, 90, 40))) for _ in range(200)]
     assert np.mean(np.array(single) > 1) <= 0.07 + 0.046
     low, high = total_interval(np.ones(200), 10.0, 1.0)
     np.testing.assert_allclose([low, high], 10 * total_interval(np.ones(20), largest=1.0))

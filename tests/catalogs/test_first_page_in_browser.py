@@ -11,8 +11,8 @@ import report_fixtures as fixtures
 from browser import Browser, find_browser
 
 from catalogs.compare.comparison import compare
-from catalogs.report import first_page, step_lines, verdict
-from catalogs.report.page import write_report
+from catalogs.report import first_page, verdict
+from catalogs.report.sections.steps import MAX_LINES
 from common.datasets import read_dataset, write_dataset
 
 MILLIMETRE = 96 / 25.4  # px
@@ -29,7 +29,7 @@ def mine(tmp_path_factory) -> fixtures.Mine:
 @pytest.fixture(scope="module")
 def usual(mine) -> Path:
     """With a twin, two steps and a warning."""
-    write_report(**mine.arguments())
+    fixtures.write_page(**mine.arguments())
     return mine.folder / "report.html"
 
 
@@ -68,7 +68,7 @@ def fullest(mine, tmp_path_factory) -> Path:
     config = fixtures.CONFIG | {"accuracy": "draft", "steps": shown, "excavations": mined}
     made = {name: folder / f"{name}.nc" for name in ("catalog", "comparison", "grid")}
     where = {"output": folder / "report.html", "figures": folder / "figures"}
-    write_report(**mine.arguments(config=config, steps=steps, events=events, **made, **where))
+    fixtures.write_page(**mine.arguments(config=config, steps=steps, events=events, **made, **where))
     return where["output"]
 
 
@@ -143,9 +143,9 @@ def test_the_fullest_page_is_full(browser, fullest):
     """Else the tests above would show little: of each kind as much as there can be."""
     opened(browser, fullest, 1366, 768)
     rows = browser.value("document.querySelectorAll('#first tr').length")
-    assert rows == 2 + step_lines.MAX_LINES + 1
+    assert rows == 2 + MAX_LINES + 1
     said = browser.value("document.getElementById('first').textContent")
-    assert f"The other {STEPS - step_lines.MAX_LINES} are in" in said
+    assert f"The other {STEPS - MAX_LINES} are in" in said
     assert "Do not use these numbers yet: this is a draft" in said
     assert re.search(r"; \d more\.", said)
     assert first_page.TWIN in said

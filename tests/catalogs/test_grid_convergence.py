@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare, share_off
 from catalogs.figures import style
-from catalogs.report.grid_convergence_text import discretisation
-from catalogs.report.page import write_report
+from catalogs.report.sections.convergence import discretisation
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 from common.event_table import new_catalog
@@ -138,7 +137,7 @@ def test_the_report_says_that_cells_are_too_large(tmp_path, found, monkeypatch):
     write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")
-    write_report(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
+    fixtures.write_page(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")
     page = mine.arguments()["output"].read_text()
     assert "too large to say how far these numbers would still change" in page
     assert "(on cells of 4 m too little rock fails around openings narrow for them: drive)" in page

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 from scipy.spatial.transform import Rotation
 
-from catalogs.figures import stereonets
+from catalogs.report.sections import axes as section
 from catalogs.sources import mechanisms as m
 from catalogs.sources.mechanisms import CLUSTER, GIRDLE, UNIFORM, MeanAxis, describe_axes
 from common.source_tensors import clear_axes, point_down, principal_axes
@@ -123,8 +123,8 @@ def test_a_girdle_has_a_pole_and_no_mean():
     assert np.isnan(result["mean_angle"][[0, 2]]).all()
     assert np.isfinite(result["mean_angle_interval"][1]).all()
     names = ("mean_trend", "mean_plunge", "mean_cone", "axis_shape", "pole_trend", "pole_plunge")
-    net = stereonets.Axes("m", "k", "Blues", frames.transpose(1, 0, 2), *(result[name][0] for name in names))
-    legends = [axes.get_legend() for axes in stereonets.stereonets([net]).axes]
+    net = section.Axes("m", "k", "Blues", frames.transpose(1, 0, 2), *(result[name][0] for name in names))
+    legends = [axes.get_legend() for axes in section.stereonets([net]).axes]
     drawn = [legend.get_texts()[0].get_text() for legend in legends if legend is not None]
     assert [text.split()[0] for text in drawn] == ["girdle,", "mean", "girdle,"]
     assert drawn[0] == f"girdle, pole {m.direction(*m.trend_plunge(found.pole))}"

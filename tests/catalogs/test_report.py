@@ -16,12 +16,13 @@ from matplotlib.collections import PathCollection
 
 from catalogs.compare.comparison import compare
 from catalogs.figures import events_figure, style
-from catalogs.report import energy_text as report_energy
 from catalogs.report import sections
-from catalogs.report.banners import banners
 from catalogs.report.gallery import Gallery
-from catalogs.report.page import write_report
-from catalogs.report.text import between, config_lines, number
+from catalogs.report.sections import axes
+from catalogs.report.sections.config import config_lines
+from catalogs.report.sections.rock import energy_table
+from catalogs.report.sections.warnings import banners
+from catalogs.report.text import between, number
 from common.costs import Costs
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
@@ -66,7 +67,7 @@ def page(mine) -> Page:
     logs = mine.folder / "logs"
     (logs / "steps").mkdir(parents=True)
     (logs / "steps" / "2019-08.log").write_text(f"at work\n{Costs(12.5, 20.25, 1.5, 345.0).closing_line('step')}\n")
-    write_report(**mine.arguments(logs=logs))
+    fixtures.write_page(**mine.arguments(logs=logs))
     return Page((mine.folder / "report.html").read_text())
 
 
@@ -80,7 +81,7 @@ def without_drawing(monkeypatch):
 def make_page(mine: fixtures.Mine, folder: Path, **changes) -> Page:
     """A report in a folder of its own."""
     output = folder / "report.html"
-    write_report(**mine.arguments(output=output, figures=folder / "figures", **changes))
+    fixtures.write_page(**mine.arguments(output=output, figures=folder / "figures", **changes))
     return Page(output.read_text())
 
 
@@ -157,7 +158,7 @@ def test_loose_rock_is_named_before_anything_else(page):
 def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
     """Each term in its column, in MJ; hourglass energy held and lost at failure together; what is left as a share."""
     attributes = read_dataset(mine.steps[-1]).attrs
-    table = report_energy.section(SimpleNamespace(steps=[attributes]))
+    table = energy_table(SimpleNamespace(steps=[attributes]))
     assert dict(zip(table["columns"], table["rows"][0]["values"], strict=True)) == {
         "work done on the rock": "2.00", "increase of stored energy": "−33.0", "taken up by the mined rock": "6.00",
         "seismic drop": "1.00", "overshoot": "2.00", "later plastic flow": "8.00", "hourglass": "1.00",
@@ -173,16 +174,16 @@ def test_the_page_says_where_the_energy_of_each_step_went(page, mine):
         "closure depend on the cell size",
     ):
         assert text in page.sections["rock"]
-    gains = report_energy.section(SimpleNamespace(steps=[attributes | {"energy_gained": 1e6}]))
+    gains = energy_table(SimpleNamespace(steps=[attributes | {"energy_gained": 1e6}]))
     assert gains["gains"]
     assert gains["rows"][0]["values"][-1] == "1.00"
     round_off = {key: 1e-4 for key in attributes if key.startswith("energy_")} | {"energy_round_off": 1e-3}
-    nothing = report_energy.section(SimpleNamespace(steps=[attributes | round_off]))
+    nothing = energy_table(SimpleNamespace(steps=[attributes | round_off]))
     assert set(nothing["rows"][0]["values"]) == {"0"}
     assert nothing["rows"][0]["left"] == "no energy"
     assert not nothing["gains"]
     assert not nothing["splits"]
-    moving = report_energy.section(SimpleNamespace(steps=[attributes | {"energy_left_share": np.nan}]))
+    moving = energy_table(SimpleNamespace(steps=[attributes | {"energy_left_share": np.nan}]))
     assert moving["unknown"]
     assert moving["rows"][0]["left"] == "–"
 
@@ -320,7 +321,7 @@ def test_every_figure_is_a_file_and_in_the_page(page, mine):
 def test_a_draft_says_so_first(tmp_path, mine):
     page = tmp_path / "report.html"
     where = {"output": page, "figures": tmp_path / "figures"}
-    write_report(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "draft"}, **where))
+    fixtures.write_page(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "draft"}, **where))
     said = page.read_text()
     assert "A draft has cells of twice the size" in said
     draft = said.index("<strong>Do not use these numbers yet:</strong> this is a draft")
@@ -360,7 +361,7 @@ def test_same_inputs_give_the_same_bytes(mine, tmp_path, without_drawing):
 def test_a_section_that_fails_leaves_an_earlier_report(mine, tmp_path, monkeypatch, processes):
     """One line, whichever process it comes from."""
     (tmp_path / "report.html").write_text("earlier")
-    monkeypatch.setattr(sections, "_axes", mock.Mock(side_effect=InputError("catalog.nc: no axes")))
+    monkeypatch.setattr(axes, "section", mock.Mock(side_effect=InputError("catalog.nc: no axes")))
     with pytest.raises(InputError, match=r"^catalog.nc: no axes$"):
         make_page(mine, tmp_path, processes=processes)
     assert (tmp_path / "report.html").read_text() == "earlier"
@@ -445,9 +446,9 @@ def test_pictures_show_the_events_that_the_numbers_are_of(mine, tmp_path):
         assert len(full.get_offsets()) == counts[index]
         assert len(hollow.get_offsets()) == totals[index] - counts[index]
         assert not len(hollow.get_facecolors())
-    titles = [title for axes in drawn["stereonets"].axes if (title := axes.get_title(loc="left"))]
+    titles = [title for panel in drawn["stereonets"].axes if (title := panel.get_title(loc="left"))]
     assert titles[::3] == [f"Modelled: {counts[0]} P", f"Recorded (twin): {counts[1]} P"]
-    dots = [one.get_offsets() for axes in drawn["source_types"].axes for one in axes.collections]
+    dots = [one.get_offsets() for panel in drawn["source_types"].axes for one in panel.collections]
     assert [len(one) for one in dots] == counts.tolist()
     said = f"{counts[0]} of {resolved} modelled and {counts[1]} of {totals[1]} recorded (twin) events are compared"
     assert said in content.sections["events"]

@@ -1,51 +1,49 @@
 """Numbers of the code in the report's own words: as values, so that the words cannot say another number."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
-from catalogs.figures.record_figure import EVENTS_PER_WINDOW
-from catalogs.figures.views import MIN_EXCAVATED_SHARE_DRAWN
 from catalogs.report import page
-from catalogs.report.grid_convergence_text import MAX_ERROR_SHARE
-from catalogs.report.section_numbers import SECTIONS
-from catalogs.sources.mechanisms import MAX_CONE
+from catalogs.report.sections import SECTIONS, convergence
 from catalogs.sources.sizes import B_MAGNITUDE_PER_B_POTENCY
 
-LIMITS = {
-    "least_error": MIN_ERROR_SHARE,
-    "safety": SAFETY_FACTOR,
-    "too_coarse": MAX_ERROR_SHARE,
-    "shown_excavated": MIN_EXCAVATED_SHARE_DRAWN,
-    "window": EVENTS_PER_WINDOW,
-    "widest_cone": MAX_CONE,
-}
+TEMPLATES = {name: page.FOLDER / "sections" / f"{name}.html.j2" for name in SECTIONS}
+READING = Path(__file__).parents[2] / "docs/how-to/reading-the-report.md"
 
 
-def test_every_limit_that_the_page_names_is_that_of_the_code():
-    assert page.LIMITS == LIMITS
-    template = (page.TEMPLATES / "report.html.j2").read_text()
-    for name in LIMITS:
-        assert f"limits.{name}" in template, name
-    assert B_MAGNITUDE_PER_B_POTENCY == 1.5
+def test_every_section_has_a_module_and_a_template():
+    """And there is neither of another."""
+    for suffix in (".py", ".html.j2"):
+        found = {path.name.removesuffix(suffix) for path in (page.FOLDER / "sections").glob(f"*{suffix}")}
+        assert found - {"__init__"} == set(SECTIONS)
+    assert list(page.MODULES) == ["first", *SECTIONS]
+    assert set(page.SLOWEST_FIRST) <= set(page.MODULES)
 
 
-def test_sections_stand_in_the_order_of_their_numbers():
-    """Contents, headings and sentences take a section's number from SECTIONS; no heading has one of its own."""
-    template = (page.TEMPLATES / "report.html.j2").read_text()
-    headings = re.findall(r'<section id="(\w+)">\n<h2[^>]*>(.{12,}?\}\})', template)
-    assert headings == [(section, f'{{{{ section_number("{section}") }}}}') for section in SECTIONS]
-    assert not re.search(r"<h2[^>]*>\d", template)
-    texts = [path.read_text() for path in page.TEMPLATES.parent.glob("*.py")]
-    assert len(texts) > 10
+def test_headings_and_sentences_take_numbers_from_the_list_of_sections():
+    """No heading and no sentence has one of its own."""
+    for name, path in TEMPLATES.items():
+        headings = re.findall(r'<section id="(\w+)">\n<h2[^>]*>(.{12,}?\}\})', path.read_text())
+        assert headings == [(name, f'{{{{ section_number("{name}") }}}}')]
+    texts = [path.read_text() for path in page.FOLDER.rglob("*.py")]
+    assert len(texts) > 20
     assert not [text for text in texts if re.search(r"\bsection \d", text)]
 
 
-def test_the_template_has_no_number_of_its_own_in_its_sentences():
+def test_the_how_to_lists_the_sections_that_there_are():
+    """With their numbers and names."""
+    listed = re.findall(r"^\| (\d+) ([^|]+?) \|", READING.read_text(), re.MULTILINE)
+    assert listed == [(str(number), name) for number, name in enumerate(SECTIONS.values(), 1)]
+
+
+def test_the_templates_have_no_number_of_their_own_in_their_sentences():
     """But 95 %, which is what an interval is, and the page's own styles."""
-    template = (page.TEMPLATES / "report.html.j2").read_text()
-    body = template[template.index("<body>") :] + (page.TEMPLATES / "first_page.html.j2").read_text()
+    body = (page.FOLDER / "templates/report.html.j2").read_text().partition("<body>")[2]
+    body += (page.FOLDER / "templates/first_page.html.j2").read_text()
+    body += "".join(path.read_text() for path in TEMPLATES.values())
     sentences = re.findall(r"<p[ >].*?</p>|picture\(.*?\) \}\}", body, flags=re.DOTALL)
     assert len(sentences) > 20
     for sentence in sentences:
@@ -53,6 +51,7 @@ def test_the_template_has_no_number_of_its_own_in_its_sentences():
         words = re.sub(r"95 %|~.*?~|\b1 (?:is at failure|means)|0 means|DXF|2015", " ", words)
         found = re.findall(r"\b\d+(?:\.\d+)?(?: %| degrees)|\b(?:hundred|half of|a fifth|a tenth)\b", words)
         assert not found, (found, sentence)
+    assert B_MAGNITUDE_PER_B_POTENCY == 1.5
 
 
 @pytest.mark.parametrize(
@@ -63,10 +62,10 @@ def test_the_template_has_no_number_of_its_own_in_its_sentences():
         ("too_coarse", 0.3, "stands for more than 30 %"),
     ],
 )
-def test_another_limit_is_another_sentence(name, value, said):
-    template = (page.TEMPLATES / "report.html.j2").read_text()
-    line = next(line for line in template.splitlines() if f"limits.{name}" in line)
-    sentence = page._environment().from_string(line)
-    convergence = {"sizes": ["1", "2"]}
-    assert said in sentence.render(limits=LIMITS | {name: value}, convergence=convergence)
-    assert said not in sentence.render(limits=LIMITS, convergence=convergence)
+def test_another_limit_is_another_sentence(tmp_path, name, value, said):
+    line = next(one for one in TEMPLATES["convergence"].read_text().splitlines() if f"convergence.{name}" in one)
+    sentence = page._environment(tmp_path).from_string(line)
+    limits = {"least_error": MIN_ERROR_SHARE, "safety": SAFETY_FACTOR, "too_coarse": convergence.MAX_ERROR_SHARE}
+    shown = {"sizes": ["1", "2"], **limits}
+    assert said in sentence.render(convergence=shown | {name: value})
+    assert said not in sentence.render(convergence=shown)

@@ -9,7 +9,8 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as some
 
-from catalogs.figures import beachballs, scene_figure, style, views
+from catalogs.figures import beachballs, style, views
+from catalogs.report.sections.scene import grid_levels
 from common.source_tensors import moment_from_potency
 
 SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
@@ -136,7 +137,7 @@ def test_large_coordinates_are_whole_numbers_in_titles_and_on_axes():
     """Not 5.40005e+06 m, nor an offset; every number of an axis is within its panel, and none runs into the next."""
     grid = moved(fixtures.make_grid(**SMALL), FAR)
     with style.applied():
-        figure = scene_figure.grid_levels(grid, views.cuts(grid, np.zeros((0, 3)), np.zeros(0)))
+        figure = grid_levels(grid, views.cuts(grid, np.zeros((0, 3)), np.zeros(0)))
         figure.draw_without_rendering()
         renderer = figure.canvas.get_renderer()
         for axes in figure.axes:

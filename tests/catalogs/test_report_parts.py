@@ -9,13 +9,16 @@ import xarray as xr
 from catalog_fixtures import made_up_catalog
 
 from catalogs.compare.comparison import compare
-from catalogs.figures import convergence_figure
-from catalogs.report import face_text, match, verdict
-from catalogs.report import record_text as report_record
-from catalogs.report.inputs import Excavation, read_resources
-from catalogs.report.mechanism_inputs import iso_share
-from catalogs.report.scene_text import above_cap, by_step, far_field
-from catalogs.report.text import events_by_step, number
+from catalogs.report import verdict
+from catalogs.report.evidence import Excavation
+from catalogs.report.sections import events, sizes
+from catalogs.report.sections.axes import iso_share
+from catalogs.report.sections.convergence import running_iteration
+from catalogs.report.sections.record import _account
+from catalogs.report.sections.resources import read_resources
+from catalogs.report.sections.scene import above_cap, by_step, far_field
+from catalogs.report.sections.steps import events_by_step
+from catalogs.report.text import number
 from common.costs import Costs
 
 
@@ -72,8 +75,8 @@ def test_numbers_read_as_a_person_writes_them(value, expected):
 
 def test_iterations_run_on_where_the_counter_starts_anew():
     restarting = [0, 1, 2, 0, 1, 0, 5]
-    assert list(convergence_figure.running_iteration(np.array(restarting))) == [0, 1, 2, 3, 4, 5, 10]
-    assert list(convergence_figure.running_iteration(np.array([1, 2, 3, 1, 2]))) == [1, 2, 3, 4, 5]
+    assert list(running_iteration(np.array(restarting))) == [0, 1, 2, 3, 4, 5, 10]
+    assert list(running_iteration(np.array([1, 2, 3, 1, 2]))) == [1, 2, 3, 4, 5]
 
 
 def evidence_of(count: int, **attributes) -> SimpleNamespace:
@@ -94,16 +97,16 @@ def test_result_says_so_when_all_of_the_record_lies_inside():
         "farthest": None,
     }
     record = evidence_of(60, rows=60, dropped="{}", filter=json.dumps([domain]))
-    assert report_record._account(record) == (
+    assert _account(record) == (
         "The record holds 60 events. All 60 events in the modelled months lie inside the model's domain."
     )
     counts = {"events_above_cut": ("catalogue", [12, 31])}
     record.comparison = xr.Dataset(counts, attrs={"cut_text": "log P >= -1.50, the record's completeness"})
-    assert report_record._account(record).endswith(
+    assert _account(record).endswith(
         "domain. Events of log P ≥ −1.50 are compared: 31 of the record and 12 of the model."
     )
     none = evidence_of(0, rows=60, filter=json.dumps([domain | {"before": 0, "after": 0}]))
-    assert report_record._account(none).endswith("No event lies in the modelled months.")
+    assert _account(none).endswith("No event lies in the modelled months.")
 
 
 def test_companion_and_members_are_one_row_each_of_the_resources(tmp_path):
@@ -186,15 +189,15 @@ def test_a_ratio_without_a_test_has_no_p_value(p_value, told):
             "event_ratio_interval": ("interval", [np.nan, np.nan]),
         }
     )
-    name, _, _ = match._ratio(comparison, "event_ratio", "many")
+    name, _, _ = sizes._ratio(comparison, "event_ratio", "many")
     assert name == "modelled over recorded" + (f"{told} both expect as many)" if told else "")
 
 
 def evidence_of_face(**counts) -> SimpleNamespace:
     """A comparison of a mine whose face advances east over the synthetic mine, or of one without a face."""
     catalog, record = made_up_catalog(200), made_up_catalog(200, 1, "twin")
-    for events in (catalog, record):
-        events.attrs["location_error"] = 5.0
+    for one in (catalog, record):
+        one.attrs["location_error"] = 5.0
     face = [
         {"date": "2019-08-01", "ends": [[-100.0, -50.0], [-100.0, 50.0]]},
         {"date": counts.get("until", "2019-10-01"), "ends": [[10.0, -50.0], [10.0, 50.0]]},
@@ -208,7 +211,7 @@ def evidence_of_face(**counts) -> SimpleNamespace:
 def test_places_against_the_face_are_a_figure_and_a_table_and_say_what_is_out_of_reach():
     """A value in its row; a model that ran once has no interval, and it is said why."""
     evidence, figures = evidence_of_face(), []
-    shown = face_text.section(evidence, lambda name, figure: figures.append((name, figure)) or {"name": name})
+    shown = events._against_face(evidence, SimpleNamespace(add=lambda name, figure: figures.append((name, figure))))
     assert [name for name, _ in figures] == ["face"]
     assert len(figures[0][1].axes) == 4
     rows = {(row["name"], row["weight"]): row["cells"] for row in shown["rows"]}
@@ -222,8 +225,8 @@ def test_places_against_the_face_are_a_figure_and_a_table_and_say_what_is_out_of
 
 def test_without_a_face_there_is_nothing_and_with_one_that_ends_early_it_is_said():
     """No figure is made."""
-    assert face_text.section(evidence_of_face(face=False), None) is None
-    shown = face_text.section(evidence_of_face(until="2019-09-30"), None)
+    assert events._against_face(evidence_of_face(face=False), None) is None
+    shown = events._against_face(evidence_of_face(until="2019-09-30"), None)
     assert shown["figure"] is None
     assert "no event of the model that counts" in shown["text"]
 

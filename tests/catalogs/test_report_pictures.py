@@ -9,8 +9,9 @@ import xarray as xr
 from matplotlib import dates
 from step_fixtures import events_of, step
 
-from catalogs.figures import events_figure, panels, record_figure, rock_figure, sizes_figure, style, views
-from catalogs.report.mechanism_inputs import insitu_axes
+from catalogs.figures import events_figure, panels, style, views
+from catalogs.report.sections import events, rock, sizes
+from catalogs.report.sections.axes import insitu_axes
 from catalogs.settings import InsituStress
 
 
@@ -32,20 +33,20 @@ def test_record_in_time_adds_up_what_counts():
     recorded = events_of(10 ** generator.uniform(-3, -1, 300), days=generator.uniform(0, 59, 300))
     model = events_of([0.5, 0.25, 1e-4], ["a", "b", "b"])
     with style.applied():
-        figure = record_figure.in_time(recorded, model, [step("a", 0.0, 1), step("b", 0.0, 2)], "Recorded", -2.0)
+        figure = events.in_time(recorded, model, [step("a", 0.0, 1), step("b", 0.0, 2)], "Recorded", -2.0)
     below = figure.axes[1]
     ends = {line.get_label(): line.get_xydata()[-1] for line in below.get_lines()}
     potency = recorded["potency"].values
     assert ends["Recorded"][1] == pytest.approx(potency[potency >= 1e-2].sum())
     assert ends["Modelled, by step"].tolist() == [dates.date2num(np.datetime64("2019-03-01")), 0.75]
-    assert record_figure.in_time(events_of([]), model, [], "Recorded", -2.0) is None
+    assert events.in_time(events_of([]), model, [], "Recorded", -2.0) is None
 
 
 def test_completeness_in_time_follows_a_network_that_gets_better():
     """200 events from log P -2 on, then 200 from -3 on: fullest bins of exact power laws lie at their lower ends."""
     generator = np.random.default_rng(0)
     sizes = [start + generator.exponential(0.3, 200) for start in (-2.0, -3.0)]
-    middle, fullest = record_figure.completeness(np.arange(400.0), np.concatenate(sizes))
+    middle, fullest = events.completeness(np.arange(400.0), np.concatenate(sizes))
     assert np.all(np.abs(fullest[middle < 140] + 2.0) <= 0.3)
     assert np.all(np.abs(fullest[middle > 260] + 3.0) <= 0.3)
 
@@ -110,9 +111,9 @@ def test_panels_of_sizes_hold_the_counts_of_both():
     generator, catalogs = np.random.default_rng(0), []
     for count in (40, 4000):
         size = generator.exponential(0.5, count)
-        catalogs.append(sizes_figure.Sizes("", "k", size, 0.9, (0.8, 1.0), np.log10(count), 0.0, np.zeros((3, 0))))
+        catalogs.append(sizes.Sizes("", "k", size, 0.9, (0.8, 1.0), np.log10(count), 0.0, np.zeros((3, 0))))
     with style.applied():
-        figure = sizes_figure.potency_frequency(catalogs)
+        figure = sizes.potency_frequency(catalogs)
     for axes, count in zip(figure.axes, (40, 4000), strict=True):
         low, high = axes.get_ylim()
         assert low <= 1.0
@@ -129,8 +130,8 @@ def test_rock_above_strength_in_coarse_cells_is_not_shown_as_rock_that_fails_nex
     state["strength_factor"][:] = 0.9
     with style.applied():
         cuts = views.cuts(grid, state["position"].values, np.ones(grid.sizes["cell"]))[:1]
-        figure = rock_figure.strength_factor(grid, state, cuts, [])
-    colour = np.array(style.mpl.colors.to_rgb(rock_figure.TOO_COARSE))
+        figure = rock.strength_factor(grid, state, cuts, [])
+    colour = np.array(style.mpl.colors.to_rgb(rock.TOO_COARSE))
     drawn = [
         one
         for one in figure.axes[0].collections

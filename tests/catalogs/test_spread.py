@@ -9,7 +9,6 @@ import report_fixtures as fixtures
 import xarray as xr
 
 from catalogs.compare.spread import STATISTICS, gather, statistics
-from catalogs.report.page import write_report
 from catalogs.sources.sizes import estimate_b
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
@@ -125,7 +124,7 @@ def mine(tmp_path_factory) -> fixtures.Mine:
 def page(mine: fixtures.Mine, folder: Path, **changes) -> str:
     """A short report: no stages, no pictures of rock."""
     output = folder / "report.html"
-    write_report(**mine.arguments(output=output, figures=folder / "figures", elastic=None, steps=[], **changes))
+    fixtures.write_page(**mine.arguments(output=output, figures=folder / "figures", elastic=None, steps=[], **changes))
     return output.read_text()
 
 

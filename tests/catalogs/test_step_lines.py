@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from step_fixtures import events_of, mined_in, step
 
-from catalogs.report.banners import missing_potency
-from catalogs.report.step_lines import mined_volumes, step_lines, that_matter, total
+from catalogs.report.sections.steps import latest_and_largest, mined_volumes, step_lines, total
+from catalogs.report.sections.warnings import missing_potency
 
 
 def evidence_of(model, recorded, names: list[str], parts: list[tuple[int, str, int]], cut: float | None = -2.0):
@@ -83,12 +83,12 @@ def test_of_many_steps_the_latest_and_the_largest_are_kept_in_order():
     model = events_of([1.0, 6.0, 2.0, 0.01, 5.0, 0.1, 0.02], names)
     recorded = events_of([9.0, 1.0], days=[95.0, 5.0])  # in d, in a
     lines = step_lines(evidence_of(model, recorded, names, []))
-    assert [line.name for line in that_matter(lines, 4)] == ["b", "d", "e", "g"]
-    assert that_matter(lines, 7) == lines
+    assert [line.name for line in latest_and_largest(lines, 4)] == ["b", "d", "e", "g"]
+    assert latest_and_largest(lines, 7) == lines
     alone = step_lines(evidence_of(model, None, names, []))
-    assert [line.name for line in that_matter(alone, 3)] == ["b", "e", "g"]
+    assert [line.name for line in latest_and_largest(alone, 3)] == ["b", "e", "g"]
     silent = step_lines(evidence_of(events_of([]), None, names, []))
-    assert [line.name for line in that_matter(silent, 1)] == ["g"]
+    assert [line.name for line in latest_and_largest(silent, 1)] == ["g"]
 
 
 def test_a_record_that_ends_within_a_step_says_for_how_many_of_its_days_it_is():

@@ -11,12 +11,11 @@ import xarray as xr
 
 from catalogs.compare.comparison import compare
 from catalogs.compare.grid_convergence import share_off
-from catalogs.report.banners import Advice, Banner, banners
-from catalogs.report.inputs import Evidence, read_evidence
-from catalogs.report.largest_event import expected_range, largest_of
-from catalogs.report.next_steps import MAX_NEXT, next_steps
+from catalogs.report.evidence import Evidence
+from catalogs.report.first_page import MAX_NEXT, next_steps
+from catalogs.report.sections.warnings import Advice, Banner, banners
 from catalogs.report.uncertainty import sources
-from catalogs.report.verdict import as_ratio, verdict
+from catalogs.report.verdict import as_ratio, expected_range, largest_of, verdict
 from common.datasets import read_dataset
 from common.source_tensors import moment_magnitude
 
@@ -33,9 +32,7 @@ def known(mine) -> Evidence:
     """Steps, events and a measured record with mechanisms, from one run; nothing of it is wrong."""
     record = read_dataset(mine.record).assign_attrs(kind="recorded")
     catalog = read_dataset(mine.catalog)
-    paths = mine.arguments()
-    keys = ("config", "default", "grid", "elastic", "steps", "events", "catalog", "record", "comparison")
-    found = read_evidence(*(paths[name] for name in keys), None, None, None, None, None, None)
+    found = fixtures.evidence_of(**mine.arguments())
     for stage in found.stages:
         stage.attrs |= {"truncated": 0, "loose_pieces": 0}
     comparison = compare(catalog, record, {"resamplings": 99, "steps": DATED})

@@ -14,10 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from catalogs.figures import events_figure, style, views
-from catalogs.report import view_data
-from catalogs.report.inputs import Evidence, read_evidence
+from catalogs.report.evidence import Evidence
+from catalogs.report.page import SCRIPTS, content_security_policy
+from catalogs.report.sections import view
+from catalogs.report.sections.view import section
 from catalogs.report.surfaces import CellSet, enclosed_volume
-from catalogs.report.view_section import SCRIPTS, content_security_policy, section
 from common.part_centers import part_centers
 
 MODELLED, RECORDED = "Modelled", "Recorded (twin)"
@@ -30,9 +31,7 @@ def mine(tmp_path_factory) -> fixtures.Mine:
 
 
 def evidence_of(mine: fixtures.Mine, **changes) -> Evidence:
-    given = mine.arguments() | changes
-    names = ("config", "default", "grid", "elastic", "steps", "events", "catalog", "record", "comparison")
-    return read_evidence(*(given[name] for name in names), None, None, None, None, None, None)
+    return fixtures.evidence_of(**mine.arguments(**changes))
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +43,7 @@ def evidence(mine) -> Evidence:
 def data(evidence) -> dict:
     """As the page hands it over: through JSON."""
     shown = {MODELLED: evidence.resolved, RECORDED: evidence.record}
-    return json.loads(json.dumps(view_data.view_data(evidence, shown)))
+    return json.loads(json.dumps(view.view_data(evidence, shown)))
 
 
 def unpacked(array: dict) -> np.ndarray:
@@ -168,7 +167,7 @@ def test_particles_of_two_sizes_fill_their_cells(evidence):
     state["volume"][:] = state["spacing"] ** 3
     state["failed"][:] = 1
     state = state.drop_vars(["cell_origin", "cell_size"])
-    (found,) = view_data.failed_cells(replace(evidence, state=state)).values()
+    (found,) = view.failed_cells(replace(evidence, state=state)).values()
     assert found.edge == size / 2
     assert len(found.cell) == 16
     np.testing.assert_allclose(found.cell.min(axis=0) * found.edge, [10.0, 20.0, 30.0])
@@ -176,10 +175,10 @@ def test_particles_of_two_sizes_fill_their_cells(evidence):
 
 
 def test_many_cells_are_drawn_as_fewer_larger_ones(evidence, monkeypatch):
-    own = view_data.failed_cells(evidence)
+    own = view.failed_cells(evidence)
     count = sum(len(one.cell) for one in own.values())
-    monkeypatch.setattr(view_data, "MAX_CELLS", count // 2)
-    larger = view_data.failed_cells(evidence)
+    monkeypatch.setattr(view, "MAX_CELLS", count // 2)
+    larger = view.failed_cells(evidence)
     assert sum(len(one.cell) for one in larger.values()) <= count // 2
     for step, cells in larger.items():
         assert cells.edge > own[step].edge
@@ -215,28 +214,29 @@ def test_recorded_events_outside_of_the_steps_are_left_out_and_counted(evidence)
     """One before, one at the end of the last step (which does not belong to it), one without a time."""
     record = evidence.record.copy(deep=True)
     record["time"].values[:3] = np.array(["2019-07-31T23:59", "2019-10-01", "NaT"], "datetime64[ns]")
-    shown = section(evidence, {MODELLED: evidence.resolved, RECORDED: record})
-    assert view_data.shown_events(evidence, record).tolist() == list(range(3, record.sizes["event"]))
+    shown = section(replace(evidence, record=record), None)
+    assert view.shown_events(evidence, record).tolist() == list(range(3, record.sizes["event"]))
     assert shown["notes"] == [f"{RECORDED}: the view leaves out 3 events outside of the dates of the steps."]
-    assert section(evidence, {MODELLED: evidence.resolved, RECORDED: evidence.record})["notes"] == []
+    assert section(evidence, None)["notes"] == []
 
 
 def test_of_very_many_events_the_largest_are_shown(evidence, monkeypatch):
-    monkeypatch.setattr(view_data, "MAX_EVENTS", 20)
-    chosen = view_data.shown_events(evidence, evidence.record)
+    monkeypatch.setattr(view, "MAX_EVENTS", 20)
+    chosen = view.shown_events(evidence, evidence.record)
     potency = evidence.record["potency"].values
     assert sorted(potency[chosen]) == sorted(potency)[-20:]
     assert (np.diff(chosen) > 0).all()
-    note = section(evidence, {MODELLED: evidence.resolved, RECORDED: evidence.record})["notes"][1]
+    note = section(evidence, None)["notes"][1]
     assert note == f"{RECORDED}: the view leaves out the {len(potency) - 20} smallest."
 
 
 def test_without_a_record_there_is_one_side(evidence):
-    assert section(evidence, {MODELLED: evidence.resolved})["titles"] == [MODELLED]
+    assert section(replace(evidence, record=None), None)["titles"] == [MODELLED]
 
 
 def test_without_events_rock_and_openings_are_left(evidence):
-    shown = section(evidence, {})
+    none = evidence.catalog.isel(event=slice(0))
+    shown = section(replace(evidence, catalog=none, record=None), None)
     assert shown["titles"] == [MODELLED]
     assert not shown["has_events"]
     assert shown["data"]["catalogues"][0]["count"] == 0
@@ -246,8 +246,8 @@ def test_without_events_rock_and_openings_are_left(evidence):
 
 def test_a_mine_in_a_plane_and_one_without_steps_have_no_view(mine, tmp_path):
     flat = fixtures.make_mine(tmp_path, dimension=2, coarse=16.0)
-    assert section(evidence_of(flat), {}) is None
-    assert section(evidence_of(mine, steps=[], events=[], catalog=None, record=None, comparison=None), {}) is None
+    assert section(evidence_of(flat), None) is None
+    assert section(evidence_of(mine, steps=[], events=[], catalog=None, record=None, comparison=None), None) is None
 
 
 # ---- the scripts ----

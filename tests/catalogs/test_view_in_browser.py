@@ -12,7 +12,6 @@ import xarray as xr
 from browser import Browser, find_browser
 
 from catalogs.figures import events_figure
-from catalogs.report.page import write_report
 from common.datasets import read_dataset, write_dataset
 from common.event_table import read_events
 
@@ -27,7 +26,7 @@ WHITE = 0.98
 def mine(tmp_path_factory) -> fixtures.Mine:
     find_browser()  # skips before anything is made
     made = fixtures.make_mine(tmp_path_factory.mktemp("mine"), coarse=16.0)
-    write_report(**made.arguments())
+    fixtures.write_page(**made.arguments())
     return made
 
 
@@ -376,7 +375,7 @@ def test_names_from_files_stay_text(browser, mine, tmp_path):
         write_dataset(state.assign_attrs(step=HOSTILE) if own.stem == "2019-09" else state, path)
     config = json.loads(json.dumps(fixtures.CONFIG).replace('"2019-09"', json.dumps(HOSTILE)))
     config["excavations"][0]["name"] = HOSTILE
-    write_report(**mine.arguments(
+    fixtures.write_page(**mine.arguments(
         config=config, steps=steps, events=[], record=None, comparison=None, output=tmp_path / "report.html",
         figures=tmp_path / "figures", **renamed,
     ))  # fmt: skip
@@ -394,7 +393,7 @@ def test_names_from_files_stay_text(browser, mine, tmp_path):
 
 def test_a_mine_without_events_shows_rock_and_openings(browser, mine, tmp_path):
     none = {"catalog": None, "record": None, "comparison": None, "events": []}
-    write_report(**mine.arguments(output=tmp_path / "report.html", figures=tmp_path / "figures", **none))
+    fixtures.write_page(**mine.arguments(output=tmp_path / "report.html", figures=tmp_path / "figures", **none))
     browser.errors.clear()
     browser.open(tmp_path / "report.html")
     browser.wait_for(READY)

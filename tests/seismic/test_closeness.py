@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catalogs.report.closeness_text import closeness_rows, intervals_contain, unlike
-from catalogs.report.section_numbers import section_number
+from catalogs.report.sections import section_number
+from catalogs.report.sections.sizes import closeness_rows, intervals_contain, unlike
 from catalogs.sources.sizes import estimate_b, log_potency
 from seismic.catalog import merge
 from seismic.events import CLOSENESS_TRIED, extract_events, sizes_by_closeness

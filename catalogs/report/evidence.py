@@ -1,0 +1,239 @@
+"""What the report is made from: of the datasets of one mine what it shows, and what follows from them directly."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from catalogs.report.text import whole
+from catalogs.settings import InsituStress, ReportSlice, Scheduled
+from common.datasets import read_dataset
+from common.errors import InputError
+from common.event_table import check_events
+
+CONVERGENCE_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
+CONVERGENCE_VARIABLES = tuple(f"convergence_{name}" for name in CONVERGENCE_COLUMNS)
+CELL_VARIABLES = ("cell_origin", "cell_size", "cell_level", "cell_body")
+STATE_VARIABLES = (
+    *("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor"),
+    *CELL_VARIABLES,
+)
+UNDATED = {"start": "", "end": "", "dated": 0}
+CATALOGUES = ("catalog", "record")
+DATASETS = ("spread", *CATALOGUES, "comparison", "closeness", "grid_convergence", "forecast_scores")
+MODEL_LABEL = "Modelled"
+RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
+
+
+@dataclass(frozen=True)
+class Excavation:
+    """One row of the config's excavations with the grid's numbers, NaN where not known: volumes in m3; whole: share
+    of its volume in cells that are mined wholly; open: share that hangs on how its surface is closed."""
+
+    name: str
+    step: str
+    fill: str
+    filled: str
+    solid: float
+    drawn: float
+    planned: bool
+    dated: bool
+    whole: float = np.nan
+    open: float = np.nan
+
+    @property
+    def filled_at_once(self) -> bool:
+        """Whether fill stands in it while its own step unloads the rock."""
+        return self.fill != "none" and self.filled == self.step
+
+
+def _by_name(text: str | None, names: list[str]) -> list[float]:
+    """Numbers of a JSON attribute, a list in the order of `names` or a dictionary by name; NaN where missing."""
+    values = json.loads(text) if text else {}
+    values = dict(zip(names, values, strict=False)) if isinstance(values, list) else values
+    return [float(values.get(name, np.nan)) for name in names]
+
+
+@dataclass
+class Evidence:
+    """Everything that the report shows.
+
+    stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
+    STATE_VARIABLES of the last of them; catalog, record, comparison, spread, closeness, grid_convergence,
+    forecast_scores: None where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs.
+    """
+
+    config: dict
+    default: dict | None
+    listed: list[Scheduled]
+    grid: xr.Dataset
+    stages: list[xr.Dataset]
+    state: xr.Dataset | None
+    events: list[dict]
+    catalog: xr.Dataset | None
+    record: xr.Dataset | None
+    comparison: xr.Dataset | None
+    spread: xr.Dataset | None
+    closeness: xr.Dataset | None
+    grid_convergence: xr.Dataset | None
+    forecast_scores: xr.Dataset | None
+    files: dict[str, dict]
+    logs: Path | None
+    insitu: InsituStress | None
+
+    @property
+    def steps(self) -> list[dict]:
+        """Attributes of the mining steps, in order."""
+        return [stage.attrs for stage in self.stages if stage.attrs["stage"] == "step"]
+
+    @property
+    def dated(self) -> list[dict]:
+        return [step for step in self.steps if int(step["dated"])]
+
+    @property
+    def resolved(self) -> xr.Dataset | None:
+        """The modelled events that count: enough particles (resolved)."""
+        if self.catalog is None:
+            return None
+        return self.catalog.isel(event=np.flatnonzero(self.catalog["resolved"].values == 1))
+
+    @property
+    def record_label(self) -> str:
+        return RECORD_LABELS[self.record.attrs["kind"]]
+
+    @property
+    def is_twin(self) -> bool:
+        return self.record is not None and self.record.attrs["kind"] == "twin"
+
+    @property
+    def excavations(self) -> list[Excavation]:
+        """Excavations in the grid's order; planned: not mined by any stage of the run.
+
+        Without steps only the elastic stage is there, which mines what has no date: the history.
+        """
+        names = json.loads(self.grid.attrs["excavation_names"])
+        wanted = {row.name: row for row in self.listed}
+        run = {step["step"]: bool(int(step["dated"])) for step in self.steps}
+        undated = [str(step["name"]) for step in self.config.get("steps") or [] if not step.get("start")]
+        mined = run or dict.fromkeys(["history", *undated], False)
+        keys = ("excavation_volume", "excavation_volume_grid", "excavation_whole_share", "excavation_open_share")
+        numbers = [_by_name(self.grid.attrs.get(key), names) for key in keys]
+        rows = []
+        for index, name in enumerate(names):
+            row = wanted.get(name, Scheduled(name=name))
+            planned, dated = name in wanted and row.step not in mined, run.get(row.step, False)
+            when = (name, row.step, row.fill, row.filled or row.step)
+            solid, drawn, *shares = (known[index] for known in numbers)
+            rows.append(Excavation(*when, solid, drawn, planned, dated, *shares))
+        return rows
+
+    @property
+    def planned(self) -> list[int]:
+        """Indices of the excavations that no step of the run mines."""
+        return [index for index, excavation in enumerate(self.excavations) if excavation.planned]
+
+
+def read_evidence(
+    paths: Mapping[str, str | os.PathLike | Sequence], settings: ReportSlice, logs: str | os.PathLike | None = None
+) -> Evidence:
+    """Read the files of one mine. Raises InputError (unreadable).
+
+    paths: of grid, elastic, steps and events (lists), and DATASETS; a scene may lack all but the grid. settings: the
+    configuration as the user wrote it; when excavations are mined, if not as that says; the stress before mining.
+    """
+    files: dict[str, dict] = {}
+
+    def read(path, check: bool = False, names: tuple[str, ...] | None = None) -> xr.Dataset | None:
+        if path is None:
+            return None
+        dataset = read_dataset(path, names)
+        missing = [name for name in names or () if name not in dataset.variables]
+        if missing:
+            raise InputError(f"{path}: lacks {', '.join(missing)}; delete it and run again")
+        files[os.fspath(path)] = dict(dataset.attrs)
+        return check_events(dataset, os.fspath(path)) if check else dataset
+
+    grid = read(paths["grid"])
+    states = [path for path in (paths.get("elastic"), *paths.get("steps", ())) if path is not None]
+    found = [(read(path, names=CONVERGENCE_VARIABLES), path) for path in states]  # a state may take gigabytes
+    found.sort(key=lambda stage: _order(stage[0]))
+    stages = [stage for stage, _ in found]
+    for stage, path in found:
+        if "overshoot_share" not in stage.attrs:
+            raise InputError(f"{path}: was made by an earlier version; delete it and run again")
+    state = read(found[-1][1], names=STATE_VARIABLES) if found else None
+    if state is not None:
+        grid = on_cells_of(grid, state)
+    budgets = [read(path, names=()).attrs for path in paths.get("events", ())]
+    # which the mechanics do not know
+    dates = {one["step"]: {key: one[key] for key in UNDATED} for one in budgets}
+    for stage in stages:
+        stage.attrs = UNDATED | stage.attrs | dates.get(stage.attrs["step"], {})
+    config, excavations = settings.config, settings.excavations
+    return Evidence(
+        config=config,
+        default=settings.default,
+        listed=_scheduled(config.get("excavations") or []) if excavations is None else list(excavations),
+        grid=grid,
+        stages=stages,
+        state=state,
+        events=budgets,
+        **{name: read(paths.get(name), check=name in CATALOGUES) for name in DATASETS},
+        files=files,
+        logs=None if logs is None else Path(logs),
+        insitu=settings.insitu,
+    )
+
+
+def on_cells_of(grid: xr.Dataset, state: xr.Dataset) -> xr.Dataset:
+    """The grid's excavations with the cells of a state, which a step may have split."""
+    own = [name for name, variable in grid.variables.items() if {"cell", "node"} & set(variable.dims)]
+    return grid.drop_vars(own).assign({name: state[name] for name in CELL_VARIABLES})
+
+
+def _scheduled(entries: list[dict]) -> list[Scheduled]:
+    """When excavations of a configuration as written are mined and filled."""
+    given = [{key: entry[key] for key in Scheduled.model_fields if key in entry} for entry in entries]
+    return [Scheduled.of(entry) for entry in given]
+
+
+def _order(stage: xr.Dataset) -> tuple[bool, int]:
+    """Elastic first, whatever step it is numbered as, then the steps."""
+    return stage.attrs["stage"] == "step", int(stage.attrs["step_index"])
+
+
+def shown_catalogues(evidence: Evidence) -> dict:
+    """Catalogues that have events to show, by label: the modelled one first."""
+    found = {} if evidence.catalog is None else {MODEL_LABEL: evidence.resolved}
+    if evidence.record is not None:
+        found[evidence.record_label] = evidence.record
+    return found if any(catalog.sizes["event"] for catalog in found.values()) else {}
+
+
+def compared_events(evidence: Evidence, shown: dict) -> dict[str, np.ndarray]:
+    """Which events (event,) of each catalogue shown the comparison's numbers are of; all where nothing is compared."""
+    comparison = evidence.comparison
+    found = {label: np.ones(catalog.sizes["event"], bool) for label, catalog in shown.items()}
+    if comparison is None or not comparison["events_above_cut"].values.all():
+        return found
+    used = {name: comparison[f"{name}_used"].values == 1 for name in ("model", "record")}
+    both = (evidence.catalog, evidence.record)
+    if any(one is None or one.sizes["event"] != len(chosen) for one, chosen in zip(both, used.values(), strict=True)):
+        return found  # a comparison of other catalogues: a banner says so
+    used["model"] = used["model"][evidence.catalog["resolved"].values == 1]
+    return {label: used["model" if label == MODEL_LABEL else "record"] for label in shown}
+
+
+def selection(compared: dict[str, np.ndarray]) -> str:
+    """How many of the events shown are compared; empty where all are."""
+    if all(chosen.all() for chosen in compared.values()):
+        return ""
+    counts = [
+        f"{whole(chosen.sum())} of {whole(len(chosen))} {label[0].lower()}{label[1:]}"
+        for label, chosen in compared.items()
+    ]
+    return f"{' and '.join(counts)} events are compared: from the cut on, in the time that both catalogues share."

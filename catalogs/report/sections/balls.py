@@ -1,0 +1,64 @@
+"""The largest modelled events: place, size, mechanism, and their beach balls.
+
+The template is "balls.html.j2".
+"""
+
+import numpy as np
+import xarray as xr
+
+from catalogs.figures import beachballs, style
+from catalogs.report.evidence import Evidence
+from catalogs.report.gallery import Gallery
+from catalogs.report.text import DASH, fixed, whole
+
+LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
+
+
+def section(evidence: Evidence, gallery: Gallery) -> dict | None:
+    """What the template shows; None without modelled events."""
+    if evidence.catalog is None:
+        return None
+    largest = largest_events(evidence.resolved, LARGEST_EVENTS_DRAWN)
+    if not len(largest):
+        return None
+    chosen = evidence.resolved.isel(event=largest)
+    rows = ball_rows(chosen)
+    titles = [
+        f"{row['rank']}: log P {row['log_potency']}, Mw {row['mw']}\n{row['location']} m\n{row['step']}" for row in rows
+    ]
+    axes_of = np.stack([chosen["p_axis"].values, chosen["t_axis"].values], axis=1)
+    tensors = chosen["moment_tensor"].values
+    return {
+        "figure": gallery.add("beach_balls", beachballs.beach_balls(tensors, titles, axes_of, style.MODELLED)),
+        "rows": rows,
+    }
+
+
+def largest_events(catalog: xr.Dataset, count: int) -> np.ndarray:
+    """Indices of the events with the largest potency, largest first (ties: the earlier), tensors known."""
+    known = np.isfinite(catalog["potency_tensor"].values).all(axis=(1, 2))
+    potency = np.where(known, np.nan_to_num(catalog["potency"].values, nan=-1.0), -1.0)
+    order = np.argsort(-potency, kind="stable")[:count]
+    return order[known[order]]
+
+
+def ball_rows(events: xr.Dataset) -> list[dict]:
+    """One row of text per event, in the given order."""
+    rows = []
+    for index in range(events.sizes["event"]):
+        event = events.isel(event=index)
+        rows.append(
+            {
+                "rank": index + 1,
+                "date": str(event["time"].values.astype("datetime64[D]")).replace("NaT", DASH),
+                "step": str(event["step"].values),
+                "location": ", ".join(fixed(value, 0) for value in event["location"].values),
+                "log_potency": fixed(float(np.log10(event["potency"].values)), 2),
+                "mw": fixed(float(event["mw"].values), 2),
+                "particles": whole(event["particles"].values),
+                "shares": [
+                    f"{100 * float(event[name].values):.0f} %".replace("-", "−") for name in ("iso", "clvd", "dc")
+                ],
+            }
+        )
+    return rows

@@ -1,0 +1,14 @@
+"""Where rock was too coarse to fail.
+
+The template is "truncated.html.j2".
+"""
+
+import xarray as xr
+
+from catalogs.report.evidence import Evidence
+from catalogs.report.gallery import Gallery
+
+
+def section(evidence: Evidence, _: Gallery) -> list[xr.Dataset]:
+    """The stages with such rock."""
+    return [stage for stage in evidence.stages if stage.attrs["truncated"]]

@@ -1,0 +1,214 @@
+"""The view that can be turned: openings and failed rock by step, events of both catalogues, and what the page says.
+
+The template is "view.html.j2".
+"""
+
+import base64
+import zlib
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from matplotlib.colors import to_hex
+from numpy.typing import NDArray
+
+from catalogs.compare.exposure import Exposure, window
+from catalogs.figures import events_figure, style, views
+from catalogs.report.evidence import MODEL_LABEL, Evidence, shown_catalogues
+from catalogs.report.gallery import Gallery
+from catalogs.report.surfaces import CellSet
+from catalogs.report.text import fixed, plural, whole
+from catalogs.sources.sizes import log_potency
+from common.event_table import new_catalog
+from common.part_centers import part_centers
+
+MAX_CELLS = 200_000  # Of more cells, openings or failed rock are drawn on cells of twice the size.
+MAX_EVENTS = 50_000  # Of a catalogue with more events the largest are shown.
+PLACES_PER_EDGE = 256  # Vertices are rounded to this share of a cell's edge.
+PLANNED = NEVER = -1
+PIXELS_PER_POINT = 96 / 72
+
+
+def section(evidence: Evidence, _: Gallery) -> dict | None:
+    """What the template shows; None for a mine in a plane, and for one without steps."""
+    shown = shown_catalogues(evidence)
+    if int(evidence.grid.attrs["dimension"]) == 2 or not evidence.steps:
+        return None
+    none = {MODEL_LABEL: new_catalog(0, {"mine": evidence.grid.attrs["mine"], "kind": "synthetic"})}
+    catalogues = none | dict(shown)
+    data = view_data(evidence, catalogues)
+    scale = events_figure.common_scale(list(catalogues.values()))
+    low, high = (float(np.floor(10 * bound) / 10) for bound in scale.log_potency)
+    return {
+        "data": data,
+        "titles": list(catalogues),
+        "has_events": bool(shown),
+        "least": {"low": low, "high": high},
+        "key_steps": style.thinned(data["steps"]),
+        "key_sizes": [
+            {"label": f"log P {fixed(value, 1)}", "pixels": PIXELS_PER_POINT * float(scale.diameter(value))}
+            for value in (scale.key_sizes if shown else [])
+        ],
+        "colours": data["colours"],
+        "filled": any(one["filled"] != NEVER for one in data["openings"]),
+        "planned": any(one["step"] == PLANNED for one in data["openings"]),
+        "notes": [note for label, one in catalogues.items() if (note := _left_out(evidence, label, one))],
+    }
+
+
+def _left_out(evidence: Evidence, label: str, catalog: xr.Dataset) -> str:
+    """Which events of a catalogue the view leaves out, in a sentence; empty where it shows all."""
+    undated = int(np.count_nonzero(event_steps(evidence, catalog) < 0))
+    small = catalog.sizes["event"] - undated - len(shown_events(evidence, catalog))
+    parts = [f"{plural(undated, 'event')} outside of the dates of the steps"] if undated else []
+    parts += [f"the {whole(small)} smallest"] if small else []
+    return f"{label}: the view leaves out {' and '.join(parts)}." if parts else ""
+
+
+def view_data(evidence: Evidence, catalogues: Mapping[str, xr.Dataset]) -> dict:
+    """All that the script of the page draws, for JSON: lengths in m from `centre`, arrays as `packed` makes them.
+
+    catalogues: by label, those shown. A step's number is its place among `steps`.
+    """
+    failed = evidence.state["position"].values[evidence.state["failed"].values >= 0]
+    lower, upper = views.frame_limits(evidence.grid, [failed], margin=0.0, least=0.0)
+    centre = (lower + upper) / 2
+    colours = style.step_colours([bool(int(step["dated"])) for step in evidence.steps])
+    scale = events_figure.common_scale(list(catalogues.values()))
+    return {
+        "centre": centre.tolist(),
+        "radius": float(np.linalg.norm(upper - lower)) / 2,
+        "steps": [
+            {"name": str(step["step"]), "colour": to_hex(colour)}
+            for step, colour in zip(evidence.steps, colours, strict=True)
+        ],
+        "colours": {"open": style.EXCAVATION, "fill": style.FILL},
+        "sizes": {  # log P, and diameters in pixels, as in the figure of events
+            **dict(zip(("low", "high"), scale.log_potency, strict=True)),
+            "smallest": PIXELS_PER_POINT * events_figure.SMALLEST,
+            "largest": PIXELS_PER_POINT * events_figure.LARGEST,
+        },
+        "openings": [
+            {"step": mined, "filled": filled, **_packed_surface(cells, centre)}
+            for (mined, filled), cells in opening_cells(evidence).items()
+        ],
+        "rock": [{"step": step, **_packed_surface(cells, centre)} for step, cells in failed_cells(evidence).items()],
+        "catalogues": [_packed_events(evidence, label, one, centre) for label, one in catalogues.items()],
+    }
+
+
+def packed(array: NDArray, kind: str, stride: int = 0) -> dict:
+    """An array for the page: its type and its deflated bytes, little-endian, as base64.
+
+    stride: if it is not 0, what is stored are differences from the value so many places before, which deflate better.
+    """
+    flat = np.ascontiguousarray(array, np.dtype(kind).newbyteorder("<")).ravel()
+    if stride:
+        flat = np.concatenate([flat[:stride], flat[stride:] - flat[:-stride]])
+    return {"type": kind, "stride": stride, "base64": base64.b64encode(zlib.compress(flat.tobytes())).decode()}
+
+
+def step_places(evidence: Evidence) -> dict[str, int]:
+    """Place of each step in the order of mining, by name."""
+    return {str(step["step"]): place for place, step in enumerate(evidence.steps)}
+
+
+def opening_cells(evidence: Evidence) -> dict[tuple[int, int], CellSet]:
+    """Excavated cells by the steps that mine and fill them: PLANNED, NEVER where no step of the run does."""
+    grid, place = evidence.grid, step_places(evidence)
+    when = [
+        (
+            PLANNED if row.planned else place.get(row.step, 0),
+            NEVER if row.fill == "none" or row.planned else place.get(row.filled, NEVER),
+        )
+        for row in evidence.excavations
+    ]
+    owner, edge = grid["piece_excavation"].values, float(grid.attrs["fine_cell"])
+    corner = views.domain(grid)[0]
+    cell = np.rint((grid["piece_origin"].values - corner) / edge).astype(np.int64)
+    found = {}
+    for key in sorted(set(when)):
+        own = np.isin(owner, [index for index, its in enumerate(when) if its == key])
+        if own.any():
+            found[key] = CellSet.of(cell[own], grid["piece_fraction"].values[own], edge, corner)
+    return _drawable(found)
+
+
+def failed_cells(evidence: Evidence) -> dict[int, CellSet]:
+    """Cells of rock by the step of first failure: what remains after the last step, as the figures draw it."""
+    state = evidence.state
+    spacing, failed = state["spacing"].values, state["failed"].values
+    drawn = (failed >= 0) & (state["volume"].values > (1.0 - views.MIN_EXCAVATED_SHARE_DRAWN) * spacing**3)
+    if not drawn.any():
+        return {}
+    edge, corner = float(spacing[drawn].min()), views.domain(evidence.grid)[0]
+    lower = np.rint((part_centers(state) - spacing[:, None] / 2 - corner) / edge).astype(np.int64)
+    edges = np.rint(spacing / edge).astype(int)  # A particle may be larger than the smallest.
+    found = {}
+    for place, step in enumerate(evidence.steps):
+        own = np.flatnonzero(drawn & (failed == int(step["step_index"])))
+        if len(own):
+            cell = np.concatenate([_cube(lower[own[edges[own] == count]], count) for count in np.unique(edges[own])])
+            found[place] = CellSet.of(cell, np.ones(len(cell)), edge, corner)
+    return _drawable(found)
+
+
+def _cube(lower: NDArray, count: int) -> NDArray:
+    """Cells of cubes of `count` cells a side with these lower corners (cube, 3)."""
+    inside = np.stack(np.meshgrid(*[np.arange(count)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    return (lower[:, None, :] + inside).reshape(-1, 3)
+
+
+def _drawable(sets: dict) -> dict:
+    """The same sets of cells, by key, on cells so large that there are at most MAX_CELLS of them."""
+    while sum(len(one.cell) for one in sets.values()) > MAX_CELLS:
+        sets = {key: one.coarsened() for key, one in sets.items()}
+    return sets
+
+
+def _packed_surface(cells: CellSet, centre: NDArray) -> dict:
+    """The surface around a set of cells: vertex = origin + place * unit, m."""
+    vertices, triangles = cells.surface()
+    return {
+        "origin": (cells.corner - centre).tolist(),
+        "unit": cells.edge / PLACES_PER_EDGE,
+        "vertices": packed(np.rint(vertices * PLACES_PER_EDGE), "int32", 3),
+        "triangles": packed(triangles, "int32", 1),
+    }
+
+
+def event_steps(evidence: Evidence, catalog: xr.Dataset) -> NDArray:
+    """Number of the step of each event (event,); -1 where it lies in none. A record names none: its times decide."""
+    place = step_places(evidence)
+    if catalog.attrs["kind"] == "synthetic":
+        return np.array([place.get(str(name), -1) for name in catalog["step"].values], np.int64)
+    windows = np.array([window(step) for step in evidence.dated], "datetime64[ns]").reshape(-1, 2)
+    if not len(windows):
+        return np.full(catalog.sizes["event"], -1)
+    of_dated = Exposure(*windows.T).step(catalog["time"].values)
+    numbers = np.array([place[str(step["step"])] for step in evidence.dated])
+    return np.where(of_dated >= 0, numbers[of_dated], -1)
+
+
+def shown_events(evidence: Evidence, catalog: xr.Dataset) -> NDArray:
+    """Indices of the events that the view shows: those of a step, and of more than MAX_EVENTS the largest."""
+    chosen = np.flatnonzero(event_steps(evidence, catalog) >= 0)
+    size = np.nan_to_num(log_potency(catalog["potency"].values[chosen]), nan=-np.inf)
+    return np.sort(chosen[np.argsort(-size, kind="stable")[:MAX_EVENTS]])
+
+
+def _packed_events(evidence: Evidence, label: str, catalog: xr.Dataset, centre: NDArray) -> dict:
+    chosen = shown_events(evidence, catalog)
+    time = catalog["time"].values[chosen].astype("datetime64[ns]")
+    seconds = (time - np.datetime64(0, "ns")) / np.timedelta64(1, "s")
+    modelled = catalog.attrs["kind"] == "synthetic"
+    return {
+        "label": label,
+        "modelled": modelled,
+        "count": len(chosen),
+        "position": packed(catalog["location"].values[chosen] - centre, "float32"),
+        "log_potency": packed(log_potency(catalog["potency"].values[chosen]), "float32"),
+        "mw": packed(catalog["mw"].values[chosen], "float32"),
+        "step": packed(event_steps(evidence, catalog)[chosen], "int32", 1),
+        "time": packed(seconds, "float64"),  # since 1970; NaN where it is not known
+    }

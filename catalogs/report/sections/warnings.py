@@ -1,0 +1,236 @@
+"""What the reader must know before any number: in full for the appendix, in a clause for the first page.
+
+The template is "warnings.html.j2".
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from catalogs.report.evidence import Evidence
+from catalogs.report.gallery import Gallery
+from catalogs.report.sections import section_number
+from catalogs.report.sections.convergence import cells_too_large
+from catalogs.report.text import MAX_NAMED, number, percent, plural, typeset
+
+MAX_OPEN_SHARE = 0.05  # Share of an excavation's volume that may depend on how its surface is closed without a banner.
+MAX_VOLUME_ERROR = 0.05  # Relative error of an excavation's volume on the grid without a banner.
+MAX_TRUNCATED_SHARE = 0.5  # With a larger share of overstressed rock too coarse to fail, the numbers are of no use.
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What to do, as a sentence, and the key or command to do it with; empty where there is none."""
+
+    text: str
+    code: str = ""
+
+
+@dataclass(frozen=True)
+class Banner:
+    """What the reader must know. brief: the same as a clause, empty for what is no matter of the first page; mend: what
+    to do about it; invalid: the numbers must not be used before that. kind: how it looks in the appendix."""
+
+    kind: str
+    text: str
+    brief: str = ""
+    mend: Advice | None = None
+    invalid: bool = False
+
+
+def section(evidence: Evidence, _: Gallery) -> list[Banner]:
+    """What the template shows."""
+    return banners(evidence)
+
+
+def banners(evidence: Evidence) -> list[Banner]:
+    """All of them; those that make the numbers invalid first."""
+    found = [*_numbers(evidence), *_solids(evidence), *_loose(evidence), *_notes(evidence)]
+    return sorted(found, key=lambda one: not one.invalid)
+
+
+def _numbers(evidence: Evidence) -> Iterator[Banner]:
+    """What is wrong with the numbers as a whole."""
+    cell = float(evidence.grid.attrs["fine_cell"])
+    if evidence.config.get("accuracy") == "draft":
+        yield Banner(
+            "draft", draft(evidence), "this is a draft", Advice("Compute the mine without", "accuracy: draft"), True
+        )
+    if text := cells_too_large(evidence):
+        brief = f"cells of {cell:g} m are too large to say how far potency would still change"
+        yield Banner("truncated", text, brief, finer_cells(evidence), invalid=True)
+    if text := missing_potency(evidence):
+        worst = max(_truncated(evidence), key=lambda step: step["truncated_share"])
+        share = float(worst["truncated_share"])
+        stage = f"in {worst['step']}" if worst["step"] else "before mining"
+        brief = f"{percent(share)} of the rock that reached its strength {stage} lies in cells too coarse to fail"
+        yield Banner("truncated", text, brief, _refine(evidence), invalid=share > MAX_TRUNCATED_SHARE)
+    if text := at_boundary(evidence):
+        mend = Advice("Make the modelled box of rock larger, or check strength and in-situ stress:", "domain")
+        yield Banner("truncated", text, "failed rock has reached the edge of the modelled box", mend)
+
+
+def finer_cells(evidence: Evidence) -> Advice:
+    """To halve the cells, by the key that the mine file sets them with."""
+    cell, grid = float(evidence.grid.attrs["fine_cell"]), evidence.config.get("grid", {})
+    by_levels = "finest_cell" not in grid and "levels" in grid
+    code = f"grid.levels: {int(grid['levels']) + 1}" if by_levels else f"grid.finest_cell: {cell / 2:g} m"
+    return Advice("Compute the mine again with cells of half the size:", code)
+
+
+def _refine(evidence: Evidence) -> Advice:
+    """To let rock in coarse cells fail."""
+    grid, text = evidence.config.get("grid", {}), "Allow small cells where rock is overstressed:"
+    if grid.get("refinement") == "adaptive" and "max_cells" in grid:
+        return Advice(text, f"grid.max_cells: {2 * int(grid['max_cells'])}")
+    return Advice(text, "grid.refinement: adaptive")
+
+
+def _solids(evidence: Evidence) -> Iterator[Banner]:
+    """What is wrong with the excavations that are mined, as solids and on the grid."""
+    rows, cell = [row for row in evidence.excavations if not row.planned], float(evidence.grid.attrs["fine_cell"])
+    off = [(row.drawn / row.solid - 1, row.name) for row in rows if row.solid > 0]
+    off = sorted((one for one in off if abs(one[0]) > MAX_VOLUME_ERROR), key=lambda one: -abs(one[0]))
+    if off:
+        named = _named([f"{name} {100 * error:+.0f} %".replace("-", "−") for error, name in off])
+        text = (
+            f"The grid misses the volume of {plural(len(off), 'excavation')} by more than {percent(MAX_VOLUME_ERROR)}: "
+            f"{named}. Refine the grid, or check whether these solids are closed (section {section_number('scene')})."
+        )
+        brief = f"the grid misses the volume of {_few([name for _, name in off])}"
+        yield Banner("volume", text, brief, finer_cells(evidence))
+    opened = sorted(((row.open, row.name) for row in rows if row.open > MAX_OPEN_SHARE), reverse=True)
+    if opened:
+        named = _named([f"{name} {percent(share)}" for share, name in opened])
+        text = (
+            f"Large parts of the surface are missing or look the other way: {named} of the volume depends on how it "
+            "is closed. Export these solids again as closed surfaces."
+        )
+        names = _few([name for _, name in opened])
+        yield Banner("volume", text, f"no closed solid: {names}", Advice(f"Export as closed surfaces: {names}."))
+    least = evidence.grid.attrs["narrow_whole_share"]
+    thin = sorted((row.whole, row.name) for row in rows if row.whole < least)
+    if thin:
+        named = _named([f"{name} {percent(whole)}" for whole, name in thin])
+        text = (
+            f"Narrow for cells of {number(cell)} m: {named} of the volume lies in whole cells. In such an opening "
+            "partly mined cells connect opposite walls: the walls close too little, and far too little rock fails. Use "
+            "smaller cells there."
+        )
+        names = _few([name for _, name in thin])
+        brief = f"too narrow for cells of {cell:g} m, so that too little rock fails there: {names}"
+        yield Banner("truncated", text, brief, finer_cells(evidence))
+
+
+def _loose(evidence: Evidence) -> Iterator[Banner]:
+    """Rock that nothing holds; pieces smaller than a finest cell are worth a note."""
+    for step in evidence.steps or [stage.attrs for stage in evidence.stages]:
+        if not int(step.get("loose_pieces", 0)):
+            continue
+        text = f"Unsupported rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "
+        text += f"{number(step['loose_volume'])} m³, "
+        text += f"{typeset(step['loose_where']).replace(' m3 ', ' m³ ')}, counts as excavated"
+        text += " from then on, since nothing held it. Check the solids there."
+        small = step["loose_volume"] < _finest_volume(evidence)
+        brief = f"{number(step['loose_volume'])} m³ of rock that nothing held count as excavated ({step['step']})"
+        mend = Advice(f"Check the solids of step {step['step']} for thin shells between them.")
+        yield Banner("note", text) if small else Banner("truncated", text, brief, mend)
+
+
+def _notes(evidence: Evidence) -> Iterator[Banner]:
+    """What the numbers are of."""
+    at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
+    if at_once:
+        text = f"These excavations are filled while they are mined: {_named(at_once)}. "
+        text += "Their fill is in place while their own step unloads the rock, and it supports walls and failed rock. "
+        yield Banner("note", text + "An opening that is filled in a later step (key filled) makes more events.")
+    if evidence.is_twin:
+        text = "The record shown is a twin: a catalogue that this pipeline made itself with other settings. "
+        yield Banner("twin", text + "It was not measured.")
+    if evidence.record is None and evidence.steps and "record" not in evidence.config:
+        yield Banner("note", "No recorded catalogue was given, so this report cannot say how well the model fits.")
+    if evidence.comparison is not None and evidence.comparison["events_above_cut"].values.all():
+        yield Banner("note", f"Model and record are compared from {typeset(evidence.comparison.attrs['cut_text'])}.")
+
+
+def draft(evidence: Evidence) -> str:
+    """What a draft changes in the settings of the mine file."""
+    lost = json.loads(evidence.grid.attrs.get("draft_would_lose", "[]"))
+    cells = "" if lost else "cells of twice the size, "
+    text = (
+        f"A draft has {cells}looser tolerances and larger increments than section {section_number('config')} states. "
+    )
+    if lost:
+        text += "It keeps the cells of the mine file, since hardly any cell of twice the size would lie wholly in "
+        text += f"{lost[0]}" + (f" and {plural(len(lost) - 1, 'other excavation')}. " if len(lost) > 1 else ". ")
+    return text + "Its numbers are preliminary. Compute the mine without accuracy: draft for numbers to use."
+
+
+def missing_potency(evidence: Evidence) -> str:
+    """A sentence or two on rock in cells that were too coarse to fail; empty if there is none.
+
+    The missing potency of a step is estimated from its truncated share s, that of rock above its strength in coarse
+    cells. This rock is assumed to release as much per volume as the rock that failed, so s / (1 - s) of the step's
+    potency. The estimate has not been compared with a run without coarse rock.
+    """
+    found = _truncated(evidence)
+    if not found:
+        return ""
+    short = found[0] in evidence.dated
+    worst = max(found, key=lambda step: step["truncated_share"])
+    shares = sorted(float(step["truncated_share"]) for step in found)
+    span = percent(shares[0]) if len(shares) == 1 else f"{number(100 * shares[0], 2)} to {percent(shares[-1])}"
+    where = typeset(worst["truncated_where"]).split(";")[0]
+    which = "the dated steps" if short else "the steps before the record" if evidence.steps else "the elastic stage"
+    text = f"In {which}, {span} of the rock that reached its strength lies in cells too coarse to fail"
+    place = f"; most in {worst['step']}, {where}. Refine the grid there (section {section_number('truncated')})."
+    if not short or evidence.catalog is None:
+        return text + place
+    potency, step = evidence.catalog["potency"].values, evidence.catalog["step"].values
+    more = sum(
+        float(potency[step == one["step"]].sum()) * one["truncated_share"] / (1 - one["truncated_share"])
+        for one in found
+        if one["truncated_share"] < 1
+    )
+    lead = (
+        f"About {number(more, 2)} m³ of potency is missing from the {number(potency.sum())} m³ of the model's events: "
+    )
+    return lead + text[0].lower() + text[1:] + place
+
+
+def _truncated(evidence: Evidence) -> list[dict]:
+    """Dated steps with rock too coarse to fail; if there is none, other stages with such rock."""
+    dated = [step for step in evidence.dated if int(step["truncated"])]
+    return dated or [stage.attrs for stage in evidence.stages if int(stage.attrs["truncated"])]
+
+
+def at_boundary(evidence: Evidence) -> str:
+    """Whether failed rock has reached a face of the domain that is held or loaded; empty if not."""
+    reached = [step for step in evidence.steps if step.get("boundary_failed_faces")]
+    if not reached:
+        return ""
+    last = max(reached, key=lambda step: step["boundary_failed_volume"])
+    return (
+        f"Failed rock has reached the domain's boundary ({last['boundary_failed_faces']}; "
+        f"{number(last['boundary_failed_volume'])} m³ of its cells lie there in step {last['step']}): the "
+        "boundary condition decides what fails there. Make the domain larger, or check whether the rock is as weak as "
+        "assumed. On a plane of symmetry this is no error."
+    )
+
+
+def _named(parts: list[str]) -> str:
+    """The first MAX_NAMED of them, and how many more there are."""
+    more = f" and {len(parts) - MAX_NAMED} more" if len(parts) > MAX_NAMED else ""
+    return ", ".join(parts[:MAX_NAMED]) + more
+
+
+def _few(names: list[str]) -> str:
+    """The first name, and how many more there are: for a clause."""
+    return names[0] + (f" and {len(names) - 1} more" if len(names) > 1 else "")
+
+
+def _finest_volume(evidence: Evidence) -> float:
+    """Volume of a finest cell, m3."""
+    attributes = evidence.grid.attrs
+    volume = float(attributes["fine_cell"]) ** int(attributes.get("dimension", 3))
+    return volume * float(attributes.get("thickness", 1.0))
