@@ -137,7 +137,7 @@ class Total:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Of two totals: the first over the second, its 95 % interval (2,), and the chance of one as far from 1.
+    """Ratio of two totals, its 95 % interval (2,), and the probability of one as far from 1 by chance.
 
     NaN where the second is 0. The interval is open on the side of one that is 0 (to 0 or infinity), NaN if both are.
     """

@@ -52,7 +52,7 @@ class _Panel:
 
     @classmethod
     def of(cls, positions: Sequence[FacePosition]) -> "_Panel":
-        """From positions in order of time, of which two differ."""
+        """Panel of positions in order of time, at least two of which differ."""
         time = np.array([parse_time(one.date, "face") for one in positions]).astype("datetime64[ns]")
         ends = np.array([one.ends if one.is_line else (one.ends, one.ends) for one in positions], float)
         moved = np.diff(ends.mean(axis=1), axis=0)
@@ -92,7 +92,7 @@ class Face:
 
     @classmethod
     def of(cls, positions: Sequence[FacePosition]) -> "Face":
-        """From positions that `face_settings` has checked."""
+        """Face of positions that `catalogs.settings` has checked."""
         panels = [_Panel.of(one) for one in by_panel(tuple(positions)).values()]
         return cls(tuple(sorted(panels, key=lambda panel: panel.time[0])))
 

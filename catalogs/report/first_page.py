@@ -101,7 +101,7 @@ def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[
 
 
 def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:
-    """Of each catalogue, by label, the colour and the largest of the events that count."""
+    """Colour and largest counted events of each catalogue, by label."""
     shown = shown_catalogues(evidence)
     counted = compared_events(evidence, shown)
     found = {}
@@ -149,7 +149,7 @@ def _all(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequence[Sou
 
 
 def _calibrate(evidence: Evidence) -> Advice:
-    """To fit the rock to the record, for which the mine file has to name what is uncertain."""
+    """Advice to fit the rock to the record, for which the mine file has to name what is uncertain."""
     named = evidence.config.get("calibration", {}).get("quantities")
     text = "Fit the properties of the rock to the record"
     return Advice(f"{text}:" if named else f"{text}, by naming them in the section calibration:", "snakemake calibrate")

@@ -27,12 +27,12 @@ class CellSet:
 
     @classmethod
     def of(cls, cell: NDArray, share: NDArray, edge: float, corner: NDArray) -> "CellSet":
-        """From cells of which some may be there more than once: their shares are summed, up to 1."""
+        """Distinct cells, with the shares of those that occur more than once summed, up to 1."""
         distinct, place = np.unique(cell, axis=0, return_inverse=True)
         return cls(distinct, np.minimum(np.bincount(place.ravel(), share, len(distinct)), 1.0), edge, corner)
 
     def coarsened(self) -> "CellSet":
-        """The same volume in cells of twice the edge."""
+        """This volume in cells of twice the edge."""
         return CellSet.of(self.cell // 2, self.share / 8.0, 2.0 * self.edge, self.corner)
 
     def surface(self) -> tuple[NDArray, NDArray]:

@@ -44,7 +44,7 @@ def sources(evidence: Evidence) -> list[Source]:
 
 
 def _cells(evidence: Evidence) -> Source:
-    """Of a first-order estimate from a second run on cells of twice the size."""
+    """Uncertainty from the cell size, estimated to first order with a run on cells of twice the size."""
     errors, cell = cell_errors(evidence), float(evidence.grid.attrs["fine_cell"])
     if errors is None:
         advice = None if evidence.config.get("accuracy") == "draft" else SECOND_RUN
@@ -61,7 +61,7 @@ def _cells(evidence: Evidence) -> Source:
 
 
 def _record(evidence: Evidence) -> list[Source]:
-    """Of the interval of what is expected of the recorded potency."""
+    """Uncertainty of the record: the interval of its expected potency."""
     comparison = evidence.comparison
     if comparison is None:
         return []
@@ -75,7 +75,7 @@ def _record(evidence: Evidence) -> list[Source]:
 
 
 def _chance(evidence: Evidence) -> Source:
-    """Of the standard deviation between the runs of an ensemble."""
+    """Chance in the model: the standard deviation between the runs of an ensemble."""
     runs = evidence.spread
     if runs is None:
         return Source("Chance in the model", np.nan, "not measured, since the model ran once", ENSEMBLE)
@@ -88,7 +88,7 @@ def _chance(evidence: Evidence) -> Source:
 
 
 def _increments(evidence: Evidence) -> Source:
-    """Of the overshoot, and of what one increment brings to failure at once."""
+    """Uncertainty from increments: overshoot, and rock that one increment brings to failure at once."""
     share, at_once = increment_share(evidence), float(evidence.catalog.attrs.get("at_once_share", 0.0))
     solver = evidence.config.get("solver", {})
     count, overshoot = int(solver.get("increments", 0)), float(solver.get("max_overshoot", np.nan))
@@ -105,7 +105,7 @@ def _increments(evidence: Evidence) -> Source:
 
 
 def _rock(evidence: Evidence) -> Source:
-    """Of strength and stress, which this report knows as inputs only."""
+    """Uncertainty of strength and stress, which this report knows as inputs only."""
     text = "taken as given; their influence is not measured here"
     if evidence.record is not None:
         text += "; a calibration finds those that fit the record"

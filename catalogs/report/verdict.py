@@ -56,21 +56,21 @@ def size_of_cut(evidence: Evidence) -> str:
 
 
 def _no_dates(evidence: Evidence) -> list[str]:
-    """That a record which is given is not compared."""
+    """A sentence where a given record is not compared; else none."""
     if not evidence.steps or evidence.dated or "record" not in evidence.config:
         return []
     return ["The record is not compared, since no step of this mine has dates."]
 
 
 def _unchecked(evidence: Evidence) -> list[str]:
-    """That nothing is compared."""
+    """A sentence where nothing is compared; else none."""
     if evidence.record is not None:
         return []
     return ["There is no record: nothing here is checked against events that happened."]
 
 
 def _one_sided(evidence: Evidence, modelled: int, recorded: int) -> str:
-    """That one of the catalogues has no event to compare."""
+    """A sentence that one of the catalogues has no event to compare."""
     if not modelled and not recorded:
         return "Neither the model nor the record has an event of a size that counts: nothing can be compared."
     text = "The record has events where the model makes none"

@@ -23,12 +23,12 @@ class Scatter:
 
     @classmethod
     def of(cls, without: NDArray, estimate: NDArray, freedom: float) -> "Scatter":
-        """From the estimate (3,) and what it is without each block (block, 3)."""
+        """Scatter of an estimate (3,) from its values without each block (block, 3)."""
         off = without - estimate
         return cls(off.T @ off, freedom)
 
     def __add__(self, other: "Scatter") -> "Scatter":
-        """Of the difference of two independent estimates; degrees of freedom after Welch and Satterthwaite."""
+        """Scatter of the difference of two independent estimates; degrees of freedom after Welch and Satterthwaite."""
         own, others = np.trace(self.covariance), np.trace(other.covariance)
         both = own**2 / self.freedom + others**2 / other.freedom
         return Scatter(self.covariance + other.covariance, (own + others) ** 2 / both if both > 0 else self.freedom)

@@ -56,7 +56,7 @@ class AxesSample:
 
 @dataclass(frozen=True)
 class MeanAxis:
-    """Of one kind of axes: their mean (3,), NaN where they have none, and how sure it is.
+    """Mean (3,) of one kind of axes, NaN where they have none, and how sure it is.
 
     values (3,): eigenvalues, largest first; shape: CLUSTER, GIRDLE, UNIFORM, or empty without axes; pole (3,): of a
     girdle, else NaN; scatter: of the mean, None without blocks or without a mean.

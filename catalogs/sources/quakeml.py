@@ -309,7 +309,7 @@ def location_uncertainty(origin: Origin | None, depth_unit: float = 1.0) -> floa
 
 
 def _standard_error(errors) -> float:
-    """Of one coordinate; NaN if it has none."""
+    """Standard error of one coordinate; NaN if it states none."""
     if not errors or errors.uncertainty is None:
         return np.nan
     return float(errors.uncertainty) / sigmas(errors.confidence_level, 1)

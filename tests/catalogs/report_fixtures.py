@@ -5,6 +5,7 @@ Nothing here is mechanics: stresses and strains are plausible shapes, so that th
 
 import json
 from dataclasses import dataclass
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from catalogs.settings import ReportSlice
 from common.datasets import write_dataset
 from common.event_table import new_catalog
 
+SMALL = {"coarse": 16.0}  # 4 m in the finest of three levels: about 4,000 cells
 LAME, SHEAR = 22.8e9, 22.8e9
 ORIGIN = np.array([10_000.0, 20_000.0, -1_060.0])  # mine coordinates, far from zero
 NAMES = ["drive", "stope_1", "stope_2", "stope_9"]
@@ -330,3 +332,31 @@ def make_mine(folder: Path, events: int = 150, dimension: int = 3, **grid_option
     write_dataset(compare(catalog, record, {"resamplings": 99}), folder / "comparison.nc")
     names = ("grid", "elastic", "catalog", "record", "comparison")
     return Mine(folder, steps=steps, events=event_files, **{name: folder / f"{name}.nc" for name in names})
+
+
+class Page(HTMLParser):
+    """Attributes of every tag, and the text of each section without its tags."""
+
+    def __init__(self, content: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.sections: dict[str, str] = {}
+        self.current = ""
+        self.feed(content)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag == "section":
+            self.current = dict(attributes)["id"]
+            self.sections[self.current] = ""
+
+    def handle_data(self, data):
+        if self.current:
+            self.sections[self.current] += data
+
+
+def make_page(mine: Mine, folder: Path, **changes) -> Page:
+    """A report in a folder of its own."""
+    output = folder / "report.html"
+    write_page(**mine.arguments(output=output, figures=folder / "figures", **changes))
+    return Page(output.read_text())

@@ -116,11 +116,6 @@ def test_what_is_missing_or_of_another_mine_is_named(runs, tmp_path):
 # ---- in the report ----
 
 
-@pytest.fixture(scope="module")
-def mine(tmp_path_factory) -> fixtures.Mine:
-    return fixtures.make_mine(tmp_path_factory.mktemp("mine"), coarse=16.0)
-
-
 def page(mine: fixtures.Mine, folder: Path, **changes) -> str:
     """A short report: no stages, no pictures of rock."""
     output = folder / "report.html"

@@ -23,11 +23,6 @@ DATED = [{"name": name, "start": start, "end": end} for name, start, end, dated 
 
 
 @pytest.fixture(scope="module")
-def mine(tmp_path_factory) -> fixtures.Mine:
-    return fixtures.make_mine(tmp_path_factory.mktemp("mine"), coarse=16.0)
-
-
-@pytest.fixture(scope="module")
 def known(mine) -> Evidence:
     """Steps, events and a measured record with mechanisms, from one run; nothing of it is wrong."""
     record = read_dataset(mine.record).assign_attrs(kind="recorded")

@@ -25,11 +25,6 @@ MODELLED, RECORDED = "Modelled", "Recorded (twin)"
 BROWSER = SCRIPTS[0].parent
 
 
-@pytest.fixture(scope="module")
-def mine(tmp_path_factory) -> fixtures.Mine:
-    return fixtures.make_mine(tmp_path_factory.mktemp("mine"), coarse=16.0)
-
-
 def evidence_of(mine: fixtures.Mine, **changes) -> Evidence:
     return fixtures.evidence_of(**mine.arguments(**changes))
 

@@ -91,7 +91,7 @@ def discretisation(evidence: Evidence) -> list[str]:
 
 
 def _at_once(evidence: Evidence) -> list[str]:
-    """That increments of the load decide how many events there are, where they do."""
+    """A sentence where increments of the load decide how many events there are; else none."""
     share = float(evidence.catalog.attrs.get("at_once_share", 0.0))
     if share <= MAX_AT_ONCE_SHARE:
         return []
@@ -111,7 +111,7 @@ def _named(evidence: Evidence, names: list[str]) -> str:
 
 
 def cells_too_large(evidence: Evidence) -> str:
-    """That the cells are too large to estimate an uncertainty, in a sentence or two; empty where they are not."""
+    """A sentence or two where the cells are too large to estimate an uncertainty; else empty."""
     errors = cell_errors(evidence)
     if errors is None or max(errors) <= MAX_ERROR_SHARE:
         return ""

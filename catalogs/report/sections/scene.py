@@ -86,7 +86,7 @@ def far_field(grid: xr.Dataset) -> str:
 
 
 def above_cap(evidence: Evidence) -> str:
-    """That there are more cells than grid.max_cells, in a sentence; empty where there are not, or on a static grid."""
+    """A sentence where there are more cells than grid.max_cells; else, and on a static grid, empty."""
     grid = evidence.config.get("grid", {})
     if not evidence.stages or grid.get("refinement") != "adaptive":
         return ""
@@ -123,7 +123,7 @@ def grid_levels(grid: xr.Dataset, cut_views: list[views.View]) -> Figure:
 
 
 def excavated_share(grid: xr.Dataset, cut_views: list[views.View], planned: list[int]) -> Figure:
-    """The same cuts near the excavations: the share of each cell inside an excavation, planned ones dashed."""
+    """Cuts near the excavations: the share of each cell inside an excavation, planned ones dashed."""
     lower, upper = views.frame_limits(grid, [])
     figure, array, bar = panels.panels(cut_views, lower, upper, bar=True)
     drawn = None

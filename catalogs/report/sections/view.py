@@ -160,7 +160,7 @@ def _cube(lower: NDArray, count: int) -> NDArray:
 
 
 def _drawable(sets: dict) -> dict:
-    """The same sets of cells, by key, on cells so large that there are at most MAX_CELLS of them."""
+    """The sets of cells, by key, on cells so large that there are at most MAX_CELLS of them."""
     while sum(len(one.cell) for one in sets.values()) > MAX_CELLS:
         sets = {key: one.coarsened() for key, one in sets.items()}
     return sets

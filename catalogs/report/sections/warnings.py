@@ -71,7 +71,7 @@ def _numbers(evidence: Evidence) -> Iterator[Banner]:
 
 
 def finer_cells(evidence: Evidence) -> Advice:
-    """To halve the cells, by the key that the mine file sets them with."""
+    """Advice to halve the cells, with the key by which the mine file sets them."""
     cell, grid = float(evidence.grid.attrs["fine_cell"]), evidence.config.get("grid", {})
     by_levels = "finest_cell" not in grid and "levels" in grid
     code = f"grid.levels: {int(grid['levels']) + 1}" if by_levels else f"grid.finest_cell: {cell / 2:g} m"
@@ -79,7 +79,7 @@ def finer_cells(evidence: Evidence) -> Advice:
 
 
 def _refine(evidence: Evidence) -> Advice:
-    """To let rock in coarse cells fail."""
+    """Advice to let rock in coarse cells fail."""
     grid, text = evidence.config.get("grid", {}), "Allow small cells where rock is overstressed:"
     if grid.get("refinement") == "adaptive" and "max_cells" in grid:
         return Advice(text, f"grid.max_cells: {2 * int(grid['max_cells'])}")

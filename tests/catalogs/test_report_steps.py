@@ -5,10 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from report_fixtures import make_page
 from step_fixtures import events_of, mined_in, step
 
-from catalogs.report.sections.steps import latest_and_largest, mined_volumes, step_lines, total
+from catalogs.report.sections.steps import events_by_step, latest_and_largest, mined_volumes, step_lines, total
 from catalogs.report.sections.warnings import missing_potency
+from common.datasets import read_dataset
+from common.event_table import ON_PLANES, read_events, write_events
+
+pytestmark = pytest.mark.usefixtures("without_drawing")
 
 
 def evidence_of(model, recorded, names: list[str], parts: list[tuple[int, str, int]], cut: float | None = -2.0):
@@ -104,3 +109,34 @@ def test_the_largest_event_is_the_largest_potency_in_the_host_rock():
     model["mw"][:] = [0.1, 0.9]
     (line,) = step_lines(evidence_of(model, None, ["a"], []))
     assert line.sides[0].largest == pytest.approx(0.2514, abs=1e-4)
+
+
+def test_headline_counts_the_events_of_the_catalogue(page, mine):
+    """150 events; how many in each step is counted anew here."""
+    step = list(read_dataset(mine.catalog)["step"].values)
+    expected = f"150 events in 2 dated steps: {step.count('2019-08')} in 2019-08, {step.count('2019-09')} in 2019-09."
+    assert expected in page.sections["steps"]
+
+
+def test_headline_tells_of_events_on_weak_planes(page, mine, tmp_path):
+    """Half of the events slipped on planes wholly, the others not at all; without planes not a word."""
+    catalog = read_events(mine.catalog)
+    share = np.arange(150) % 2.0
+    write_events(catalog.assign(on_planes=("event", share, ON_PLANES.attributes)), tmp_path / "catalog.nc")
+    potency = catalog["potency"].values
+    percent = 100 * potency[1::2].sum() / potency.sum()
+    expected = f"75 events slipped mostly on weak planes: {percent:.0f} %"
+    assert expected in make_page(mine, tmp_path, catalog=tmp_path / "catalog.nc").sections["steps"]
+    assert "weak planes" not in page.sections["steps"]
+
+
+def test_events_of_many_steps_are_told_by_those_with_most():
+    """In order of time; of few steps each is told."""
+    counts = [(number % 7 * 10, f"m{number}") for number in range(30)]
+    told = events_by_step(counts)
+    assert told.startswith("most in these, ")
+    entries = told.removeprefix("most in these, ").split(", ")
+    assert len(entries) <= 5
+    assert {entry.split(" in ")[0] for entry in entries} <= {"60", "50"}
+    assert "60 in m6" in entries
+    assert events_by_step(counts[:3]) == "0 in m0, 10 in m1, 20 in m2"

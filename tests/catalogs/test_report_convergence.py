@@ -5,8 +5,10 @@ import io
 import numpy as np
 import pytest
 import xarray as xr
+from report_fixtures import make_page
 
-from catalogs.report.sections.convergence import convergence
+from catalogs.report.sections.convergence import convergence, running_iteration
+from common.datasets import read_dataset, write_dataset
 
 
 def stage_of(**columns) -> xr.Dataset:
@@ -60,3 +62,18 @@ def test_increments_are_marked_from_bottom_to_top_and_generations_at_the_bottom(
     assert increments.tolist() == [[[8, 0], [8, 1]], [[11, 0], [11, 1]]]
     assert generations[:, 0].tolist() == [[5, 0], [9, 0]]
     assert 0.0 < generations[:, 1, 1].max() < 0.1
+
+
+def test_iterations_run_on_where_the_counter_starts_anew():
+    restarting = [0, 1, 2, 0, 1, 0, 5]
+    assert list(running_iteration(np.array(restarting))) == [0, 1, 2, 3, 4, 5, 10]
+    assert list(running_iteration(np.array([1, 2, 3, 1, 2]))) == [1, 2, 3, 4, 5]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_stage_that_mines_nothing_has_no_finest_cells(mine, tmp_path):
+    """Nothing is a share of them."""
+    write_dataset(read_dataset(mine.elastic).assign_attrs(finest_cells=0), tmp_path / "elastic.nc")
+    alone = {"steps": [], "events": [], "catalog": None, "record": None, "comparison": None}
+    content = make_page(mine, tmp_path, elastic=tmp_path / "elastic.nc", **alone)
+    assert "nan" not in content.sections["convergence"]

@@ -1,0 +1,105 @@
+"""The section of warnings: what it names, from which size on, and once."""
+
+import json
+
+import numpy as np
+import pytest
+import report_fixtures as fixtures
+
+from catalogs.report.sections.warnings import banners
+from catalogs.report.text import number
+from common.datasets import read_dataset, write_dataset
+
+pytestmark = pytest.mark.usefixtures("without_drawing")
+
+
+def warnings_of(mine: fixtures.Mine, **changes) -> str:
+    """The banners of a report, as they stand in its section of warnings."""
+    return "\n".join(one.text for one in banners(fixtures.evidence_of(**mine.arguments(**changes))))
+
+
+def test_loose_rock_is_named_before_anything_else(page):
+    """Count, volume and place of the step's attributes, once: steps without loose rock say nothing."""
+    assert page.sections["warnings"].count("Unsupported rock in step") == 1
+    expected = "2019-09: 3 pieces, 1.20 m³, largest 0.7 m³ at (x, y, z) = (10052.0, 20051.5, −1020.2) m, counts as"
+    assert expected in page.sections["warnings"]
+
+
+def test_banners_name_truncation(page):
+    assert "of potency is missing from the 0.629 m³" in page.sections["warnings"]
+    assert "3.4 % of the rock that reached its strength lies in cells too coarse to fail" in page.sections["warnings"]
+
+
+def test_stopes_filled_while_they_are_mined_are_named(page):
+    """Only stope_1 is mined in a dated step and filled in the same one; the table says of each when it is filled."""
+    assert "These excavations are filled while they are mined: stope_1. " in page.sections["warnings"]
+    assert "fill, at once" in page.sections["scene"]
+    assert "fill, planned" in page.sections["scene"]
+
+
+def test_every_banner_stands_in_the_section_of_warnings(page, mine):
+    """Each text once, with what it says; the tests below read the texts themselves."""
+    texts = [one.text for one in banners(fixtures.evidence_of(**mine.arguments()))]
+    assert len(texts) > 2
+    assert all(page.sections["warnings"].count(text) == 1 for text in texts)
+
+
+def test_banner_names_excavations_whose_volume_the_grid_misses(mine, tmp_path):
+    """By more than 5 %, the worst first; a planned one does not count yet, and 4.9 % is no matter."""
+    grid = read_dataset(mine.grid)
+    solid = np.array(json.loads(grid.attrs["excavation_volume"]))
+    grid.attrs["excavation_volume_grid"] = json.dumps((solid * [1.049, 0.93, 1.18, 9.0]).tolist())
+    write_dataset(grid, tmp_path / "grid.nc")
+    wrong = warnings_of(mine, grid=tmp_path / "grid.nc")
+    assert "misses the volume of 2 excavations by more than 5.0 %: stope_2 +18 %, stope_1 −7 %. Refine" in wrong
+    grid.attrs["excavation_volume_grid"] = json.dumps((solid * 1.049).tolist())
+    write_dataset(grid, tmp_path / "good.nc")
+    assert "misses the volume" not in warnings_of(mine, grid=tmp_path / "good.nc")
+
+
+def test_banner_names_excavations_too_narrow_for_the_cells(mine, tmp_path):
+    """The narrowest first; a planned one does not count yet."""
+    grid = read_dataset(mine.grid)
+    grid.attrs["excavation_whole_share"] = json.dumps([0.31, 0.29, 0.0, 0.0])
+    write_dataset(grid, tmp_path / "grid.nc")
+    said = warnings_of(mine, grid=tmp_path / "grid.nc")
+    assert "Narrow for cells of 4.00 m: stope_2 0 %, stope_1 29 % of the volume lies in whole cells." in said
+    assert "Narrow for" not in warnings_of(mine)
+
+
+def test_banner_names_excavations_whose_surface_is_open(mine, tmp_path):
+    """The most open first; a planned one does not count yet, and 4 % is no matter."""
+    grid = read_dataset(mine.grid)
+    grid.attrs["excavation_open_share"] = json.dumps([0.04, 0.08, 0.22, 0.25])
+    write_dataset(grid, tmp_path / "grid.nc")
+    said = warnings_of(mine, grid=tmp_path / "grid.nc")
+    assert "or look the other way: stope_2 22 %, stope_1 8.0 % of the volume depends on how it is closed." in said
+    assert "depends on how it is closed" not in warnings_of(mine)
+
+
+def test_banner_says_where_failed_rock_has_reached_the_boundary(mine, tmp_path):
+    """Of the step in which most of it lies there."""
+    steps = []
+    for rank, path in enumerate(mine.steps):
+        facts = {"boundary_failed_volume": 64.0 * rank, "boundary_failed_faces": "z_lower" if rank else ""}
+        steps.append(tmp_path / path.name)
+        write_dataset(read_dataset(path).assign_attrs(facts), steps[-1])
+    said = warnings_of(mine, steps=steps)
+    assert "(z_lower; " + number(64.0 * (len(steps) - 1)) + " m³ of its cells lie there in step 2019-09)" in said
+    assert "boundary (" not in warnings_of(mine)
+
+
+def test_a_draft_says_so_first(tmp_path, mine):
+    page = tmp_path / "report.html"
+    where = {"output": page, "figures": tmp_path / "figures"}
+    fixtures.write_page(**mine.arguments(config=fixtures.CONFIG | {"accuracy": "draft"}, **where))
+    said = page.read_text()
+    assert "A draft has cells of twice the size" in said
+    draft = said.index("<strong>Do not use these numbers yet:</strong> this is a draft")
+    assert draft < said.index('<p class="lead">') < said.index("A draft has")
+    assert "A draft has" not in warnings_of(mine, config=fixtures.CONFIG | {"accuracy": "standard"})
+    grid = read_dataset(mine.grid).assign_attrs(draft_would_lose='["stope_a", "drive"]')
+    write_dataset(grid, tmp_path / "kept.nc")
+    kept = warnings_of(mine, config=fixtures.CONFIG | {"accuracy": "draft"}, grid=tmp_path / "kept.nc")
+    assert "A draft has looser tolerances" in kept
+    assert "hardly any cell of twice the size would lie wholly in stope_a and 1 other excavation" in kept
