@@ -54,7 +54,7 @@ def projections(grid: xr.Dataset) -> list[View]:
 
 
 def cuts(grid: xr.Dataset, positions: np.ndarray, weights: np.ndarray) -> list[View]:
-    """The views of `projections` as cuts through the fine layer that holds most of `weights` (positions (point, xyz) m).
+    """The views of `projections`, cut through the fine layer that holds most of `weights` (positions (point, xyz) m).
 
     Of layers nearly as full as the fullest, the one nearest the centre of weight is used.
     """

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from pydantic import model_validator
 
-from catalogs.records.build import SIZE_NAMES, build_record
+from catalogs.records.build import SIZE_NAMES, build_record, moment_magnitudes, sizes_text
 from catalogs.records.csv_columns import (
     GLOBE_COORDINATES,
     LINEAR_SIZES,
@@ -25,7 +25,6 @@ from catalogs.records.csv_columns import (
 )
 from catalogs.records.csv_table import Table, read_table, unit_quantity
 from catalogs.records.filters import EVENT_TYPE, STATUS, filter_events, is_left_out, kept_words, plain_word
-from catalogs.records.magnitudes import moment_magnitudes, sizes_text
 from catalogs.records.settings import EventFileSettings, EventFileSlice
 from catalogs.records.times import (
     DATE_PARTS,
@@ -167,7 +166,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of tensor_frame,
     time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.filters). units: {kind of
     column: unit}, where it is not the one above and not in the file; decimal, date_order, time_zone: what cannot be
-    found from the file; conversions: catalogs.records.magnitudes; missing: numbers that stand for a missing value,
+    found from the file; conversions: catalogs.records.build; missing: numbers that stand for a missing value,
     else MISSING_VALUE_CODES. How the table is read: catalogs.records.csv_table.
 
     Events that are no seismicity or have no time, place or size are left out, and rows that are there twice. Raises

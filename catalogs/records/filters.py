@@ -139,7 +139,7 @@ def filter_events(
     """The complete events that pass every filter and lie in the domain; attrs["filter"]: what each left out (JSON).
 
     attrs["rows"]: events of the file; attrs["dropped"] (JSON): how many of them are no seismicity
-    (catalogs.records.filters), lack a time, a place or a size, or are `repeated` (event,) bool.
+    (`no_seismicity`), lack a time, a place or a size, or are `repeated` (event,) bool.
     attrs["types_text"]: how many of the others are of each type, where the file says it. Each entry of
     attrs["filter"] holds filter, value, before, after; the domain's, which is the last, also potency_before and
     potency_after (m3), nearest and farthest (m: of an event left out, from the domain; null if there is none).

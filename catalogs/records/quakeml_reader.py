@@ -11,10 +11,16 @@ import pandas as pd
 import xarray as xr
 from pydantic import model_validator
 
-from catalogs.records.build import build_record, check_sizes
+from catalogs.records.build import (
+    build_record,
+    check_sizes,
+    is_convertible,
+    is_moment_type,
+    moment_magnitudes,
+    sizes_text,
+)
 from catalogs.records.csv_table import unit_quantity
 from catalogs.records.filters import EVENT_TYPE, MODE, STATUS, filter_events, kept_words
-from catalogs.records.magnitudes import is_convertible, is_moment_type, moment_magnitudes, sizes_text
 from catalogs.records.settings import EventFileSettings, EventFileSlice, LocationError
 from catalogs.records.times import FIRST_YEAR, LAST_YEAR
 from common.errors import InputError
@@ -74,7 +80,7 @@ class RecordSlice(Record, EventFileSlice):
 def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a QuakeML file in the form of common.event_table, filtered (catalogs.records.filters).
 
-    Conversions: catalogs.records.magnitudes. An event's preferred origin and mechanism count, else its first, and
+    Conversions: catalogs.records.build. An event's preferred origin and mechanism count, else its first, and
     of these none whose evaluation status is rejected; an event is rejected where no other origin is there or the
     preferred one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a
     conversion is stated; of several the preferred one, else the first. Events that are no seismicity

@@ -2,9 +2,10 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -137,9 +138,7 @@ class Evidence:
         return [index for index, excavation in enumerate(self.excavations) if excavation.planned]
 
 
-def read_evidence(
-    paths: Mapping[str, str | os.PathLike | Sequence], settings: ReportSlice, logs: str | os.PathLike | None = None
-) -> Evidence:
+def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | os.PathLike | None = None) -> Evidence:
     """Read the files of one mine. Raises InputError (unreadable).
 
     paths: of grid, elastic, steps and events (lists), and DATASETS; a scene may lack all but the grid. settings: the

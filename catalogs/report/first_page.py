@@ -7,8 +7,7 @@ import xarray as xr
 
 from catalogs.compare.locations import location_errors
 from catalogs.figures import style
-from catalogs.figures.first_page_figure import Mined, first_page
-from catalogs.figures.planes import box_of, within_reach
+from catalogs.figures.first_page_figure import Mined, box_of, first_page, within_reach
 from catalogs.report.evidence import MODEL_LABEL, Evidence, compared_events, shown_catalogues
 from catalogs.report.gallery import Gallery
 from catalogs.report.sections.steps import cut_of, latest_and_largest, step_lines, total

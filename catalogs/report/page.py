@@ -3,9 +3,10 @@
 import base64
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import numpy as np
@@ -50,7 +51,7 @@ SLOWEST_FIRST = ("axes", "events", "rock", "convergence", "scene", "balls", "vie
 
 
 def write_report(
-    paths: Mapping[str, str | os.PathLike | Sequence],
+    paths: Mapping[str, Any],
     settings: ReportSlice,
     output: str | os.PathLike,
     figures: str | os.PathLike,

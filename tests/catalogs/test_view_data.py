@@ -17,8 +17,7 @@ from catalogs.figures import events_figure, style, views
 from catalogs.report.evidence import Evidence
 from catalogs.report.page import SCRIPTS, content_security_policy
 from catalogs.report.sections import view
-from catalogs.report.sections.view import section
-from catalogs.report.surfaces import CellSet, enclosed_volume
+from catalogs.report.sections.view import CellSet, enclosed_volume, section
 from common.part_centers import part_centers
 
 MODELLED, RECORDED = "Modelled", "Recorded (twin)"

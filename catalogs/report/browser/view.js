@@ -1,4 +1,4 @@
-// The view of the report that can be turned. It draws what catalogs/report/view_data.py has put into the page.
+// The view of the report that can be turned. It draws what catalogs/report/sections/view.py has put into the page.
 //
 // One canvas has a side for each catalogue, the modelled one on the left. One camera serves all sides, so they turn
 // together. It projects in parallel: all lengths across the line of sight have one scale, which the bar shows.
@@ -26,7 +26,7 @@
 
   // ---- from the page's data to things to draw ----
 
-  // The numbers of an array as `packed` of view_data.py makes it.
+  // The numbers of an array as `packed` of sections/view.py makes it.
   async function unpacked({ type, stride, base64 }) {
     const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
     const inflated = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));

@@ -3,6 +3,8 @@
 The template is "rock.html.j2".
 """
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.colors import Normalize
@@ -42,8 +44,12 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
         return None
     grid, state, cuts, planned = evidence.grid, evidence.state, cut_planes(evidence), evidence.planned
     upright = [view for view in cuts if view.vertical == views.UP] or cuts
-    shown = {"failed": None, "table": totals(evidence), "energy": energy_table(evidence)}
-    shown["shown_excavated"] = views.MIN_EXCAVATED_SHARE_DRAWN
+    shown: dict[str, Any] = {
+        "failed": None,
+        "table": totals(evidence),
+        "energy": energy_table(evidence),
+        "shown_excavated": views.MIN_EXCAVATED_SHARE_DRAWN,
+    }
     if (state["failed"].values >= 0).any():
         last = max(int(step["step_index"]) for step in evidence.steps)
         names, dated = ["" for _ in range(last + 1)], [False] * (last + 1)

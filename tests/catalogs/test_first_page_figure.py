@@ -6,9 +6,8 @@ import xarray as xr
 from matplotlib.collections import PathCollection
 from matplotlib.colors import to_rgb
 
-from catalogs.figures import first_page_figure, planes, style
-from catalogs.figures.first_page_figure import Mined
-from catalogs.figures.planes import PLAN, SECTIONS, box_of, frame, section_of, silhouette
+from catalogs.figures import first_page_figure, style
+from catalogs.figures.first_page_figure import PLAN, SECTIONS, Mined, box_of, frame, section_of, silhouette
 
 EDGE = 2.0
 
@@ -176,4 +175,4 @@ def test_a_mine_in_a_plane_has_one_panel():
         with style.applied():
             figure = first_page_figure.first_page(grid.assign_attrs(plane=plane), [], [0], [], {})
         assert [axes.get_title(loc="left") for axes in figure.axes] == [name]
-    assert planes.plane_of(grid) is SECTIONS[0]
+    assert first_page_figure.plane_of(grid) is SECTIONS[0]
