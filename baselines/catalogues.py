@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from baselines.elastic_rock import ElasticRock, principal, read_rock
 from baselines.flaws import RadiusLaw, draw_poisson_flaws, expected_per_density, find_slips, potency_tensors
 from baselines.settings import FlawSlice, FlawStrength, StressSlice
-from catalogs.settings import DatedStep
 from catalogs.compare.exposure import Exposure, common_period
+from catalogs.settings import DatedStep
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import new_catalog, read_events

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from catalogs.compare.blocks import MIN_BLOCKS
 from catalogs.compare.comparison import compare, record_clusters
-from catalogs.settings import ComparisonSlice
-from catalogs.compare.locations import box_around, information_gain
 from catalogs.compare.exposure import Exposure, common_period
+from catalogs.compare.locations import box_around, information_gain, location_errors
+from catalogs.settings import ComparisonSlice
 from catalogs.sources.jackknife import INTERVAL_95
-from catalogs.compare.locations import location_errors
 from catalogs.sources.sizes import log_potency
 
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.

@@ -7,8 +7,8 @@ they are.
 
 The number of a month follows from earlier ones by metres of the face or by days: a rate is the earlier number over the
 earlier metres or days. The test is the number test of forecasts with the chance of both numbers: counts are Poisson
-numbers of equal groups of events, whose size is the clustering of the record (catalogs.compare.exposure.total_ratio). So the
-p-values of months that fit are uniform between 0 and 1.
+numbers of equal groups of events, whose size is the clustering of the record (catalogs.compare.exposure.total_ratio).
+So the p-values of months that fit are uniform between 0 and 1.
 """
 
 from dataclasses import dataclass, replace
@@ -21,11 +21,10 @@ from scipy.stats import t
 from baselines.models import Counted, ModelComparison
 from baselines.settings import BaselineReportSlice
 from catalogs.compare.blocks import MIN_BLOCKS
-from catalogs.compare.locations import UNIFORM_SHARE, information_gain
 from catalogs.compare.exposure import DAY, Exposure, Total, common_period, total_ratio
 from catalogs.compare.face import Face
+from catalogs.compare.locations import UNIFORM_SHARE, information_gain, location_errors
 from catalogs.sources.jackknife import INTERVAL_95, effective_blocks
-from catalogs.compare.locations import location_errors
 from catalogs.sources.sizes import log_potency
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # Its multiples, less their whole part, fill 0 to 1 evenly at any number.

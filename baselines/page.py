@@ -34,8 +34,8 @@ from baselines.month_report import (
 from baselines.months import Months, compare_with_months
 from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.compare.locations import UNIFORM_SHARE
-from catalogs.figures import panels, style, views
 from catalogs.compare.spread import read_members
+from catalogs.figures import panels, style, views
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, whole, with_unit
 from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path, read_dataset

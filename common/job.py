@@ -40,18 +40,18 @@ class Job:
     threads: int = 1
     logs: Path | None = None
 
-    def input(self, name: str) -> str:
+    def input(self, name: str) -> Path:
         """Path of an input that is one file."""
         (path,) = self.inputs[name]
-        return path
+        return Path(path)
 
-    def input_if_any(self, name: str) -> str | None:
+    def input_if_any(self, name: str) -> Path | None:
         """Path of an input; None where the scene has none."""
         return self.input(name) if name in self.inputs else None
 
-    def paths(self, name: str) -> list[str]:
+    def paths(self, name: str) -> list[Path]:
         """Paths of an input that is several files, in order; empty where the scene has none."""
-        return self.inputs.get(name, [])
+        return list(map(Path, self.inputs.get(name, [])))
 
     def output(self, name: str = "") -> Path:
         """The path written that has this file name; without a name the first one."""

@@ -16,11 +16,6 @@ KERNEL_PACKAGES = ("mpm_core", "seismic")
 CACHES_KEPT = 3
 
 
-def comment(identity: str) -> str:
-    """The last line of a page or QuakeML file: what it was made from."""
-    return f"<!-- made_from: {identity} -->\n"
-
-
 def _last_use(path: Path) -> float:
     """Time stamp of a cache folder; 0 if another process has removed it meanwhile."""
     return path.stat().st_mtime if path.exists() else 0.0

@@ -1,8 +1,8 @@
 """Difference between two plans: a ratio of totals, its interval, and whether chance explains it.
 
 The ratio of the mean totals of two plans is uncertain for three reasons, and each has an interval of ln ratio: chance
-(catalogs.compare.exposure.total_ratio), the cells (the change of the ratio on cells of twice the size) and the rock (its
-scatter over draws of a posterior). On each side of the ratio the distances to their ends are added in quadrature
+(catalogs.compare.exposure.total_ratio), the cells (the change of the ratio on cells of twice the size) and the rock
+(its scatter over draws of a posterior). On each side of the ratio the distances to their ends are added in quadrature
 (Zou and Donner 2008).
 
 Rows that compare plans at once for many steps or openings differ by chance in one of twenty cases.
@@ -18,8 +18,8 @@ from scipy.stats import t
 
 from catalogs.compare.exposure import Ratio, Total, total_ratio
 from catalogs.compare.grid_convergence import SAFETY_FACTOR
-from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE, MIN_SCALE_SHARE, mean_total
+from catalogs.sources.jackknife import INTERVAL_95
 from common.errors import InputError
 from plans.layout import ANY, COARSE, DRAW, LIKE_OWN, OWN
 from plans.record import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS

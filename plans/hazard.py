@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
+from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from catalogs.sources.completeness import MIN_EVENTS_ABOVE_CUT
 from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
-from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from plans.record import LAW, Factors, RecordedNumbers, find_factors
 from plans.runs import StepResult
 from plans.settings import OutcomeSlice

@@ -32,9 +32,7 @@ SMALLEST, LARGEST = 3.0, 12.0  # Points: diameters of the smallest and largest e
 MAX_COLUMNS = 3
 
 
-def report_stage(
-    given: Mapping, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path
-) -> None:
+def report_stage(given: Mapping, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path) -> None:
     """Write the page of all plans (`output`) and the table.
 
     given: the stage's slice (PlansReportSlice); outcomes: outcome.nc of each plan, that which others are compared with

@@ -17,14 +17,14 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from catalogs.compare.comparison import record_clusters
-from catalogs.settings import DatedStep
-from catalogs.sources.completeness import next_edge, rounding
 from catalogs.compare.exposure import Exposure, common_period, window
 from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
-from catalogs.sources.jackknife import INTERVAL_95
-from catalogs.records.times import parse_time
-from catalogs.sources.sizes import log_potency
 from catalogs.compare.sum_measures import cluster_size
+from catalogs.records.times import parse_time
+from catalogs.settings import DatedStep
+from catalogs.sources.completeness import next_edge, rounding
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.sizes import log_potency
 from common.errors import InputError
 from plans.layout import COARSE, DRAW, LIKE_OWN, OWN
 from plans.runs import StepResult, read_run

@@ -19,12 +19,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import DTypeLike, NDArray
 
-from catalogs.settings import DatedStep
-from catalogs.compare.locations import box_around, information_gain
 from catalogs.compare.exposure import DAY, common_period, window
-from catalogs.sources.jackknife import INTERVAL_95
-from catalogs.compare.locations import location_errors
+from catalogs.compare.locations import box_around, information_gain, location_errors
 from catalogs.report.text import fixed, number, plural, typeset, whole
+from catalogs.settings import DatedStep
+from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import log_potency
 from common.datasets import read_dataset
 from common.errors import InputError

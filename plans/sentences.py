@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
 from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
+from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
 from plans.differences import NUMBER, POTENCY, Difference, compare, steps_with_other_runs
 from plans.layout import ANY, COARSE, DRAW, PlanSummary
 from plans.record import CELLS, CHANCE, LAW, RECORD, ROCK

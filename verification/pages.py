@@ -17,11 +17,11 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
+from common.sources import ROOT
 
 from common.command_line import CommandLine
 from common.datasets import atomic_path
 from common.errors import InputError
-from common.sources import ROOT
 from common.stage import run_stage
 from verification.known_misses import KNOWN_MISS, PASSES_NOW, judge, parse_known_misses
 from verification.page_tables import LEGEND, Pivot, markdown, rows_table

@@ -6,10 +6,10 @@ import os
 import sys
 from pathlib import Path
 
+from common.sources import source_hash
 from snakemake.iocontainers import Wildcards
 
 from common.errors import InputError
-from common.sources import source_hash
 from verification.studies import Study, load_study
 from workflow.folders import NAME
 from workflow.mine import Mine

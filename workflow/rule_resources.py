@@ -53,8 +53,9 @@ class RuleResources:
     def threads(self, wildcards: Wildcards) -> int:
         """Snakemake's cores for a stage of the mechanics."""
         threads = self.folders.threads(wildcards.mine)
-        is_beside_companion = wildcards.mine == self.files.mine.name and self.files.has_coarse
-        return min(threads, self.cores - 1) if is_beside_companion and (self.cores or 1) > 1 else threads
+        if self.cores is None or self.cores < 2 or wildcards.mine != self.files.mine.name or not self.files.has_coarse:
+            return threads
+        return min(threads, self.cores - 1)
 
     def used_threads(self, wildcards: Wildcards, threads: int) -> int:
         """Threads of a stage of the mechanics; threads: what Snakemake has made of `threads`."""

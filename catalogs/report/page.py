@@ -37,7 +37,6 @@ from catalogs.report.text import fixed, number, percent, typeset, whole
 from catalogs.settings import ReportSlice
 from common.datasets import atomic_path
 from common.pages import page_templates
-from common.provenance import comment
 
 FOLDER = Path(__file__).parent  # "templates" and, beside each section's module, its own
 SCRIPTS = [FOLDER / "browser" / name for name in ("three.min.js", "view.js")]  # in order
@@ -56,14 +55,13 @@ def write_report(
     output: str | os.PathLike,
     figures: str | os.PathLike,
     logs: str | os.PathLike | None = None,
-    made_from: str = "",
     processes: int = 1,
 ) -> None:
     """Write the page to `output` (atomically) and each of its figures as SVG into the folder `figures`.
 
     paths: the mine's datasets, as `read_evidence` takes them; settings: configuration and defaults as the user wrote
-    them, with units as text; logs: folder of the logs of this mine's stages; made_from: see common.provenance;
-    processes: how many draw sections at the same time.
+    them, with units as text; logs: folder of the logs of this mine's stages; processes: how many draw sections at the
+    same time.
     Same inputs, same bytes, whatever `processes` is. Raises InputError where a dataset is unreadable or no catalogue.
     """
     evidence = read_evidence(paths, settings, logs)
@@ -82,7 +80,7 @@ def write_report(
         **shown,
     )  # fmt: skip
     with atomic_path(output) as temporary:
-        temporary.write_text(page.rstrip() + "\n" + comment(made_from), encoding="utf-8")
+        temporary.write_text(page.rstrip() + "\n", encoding="utf-8")
 
 
 def content_security_policy(scripts: list[str]) -> str:

@@ -48,7 +48,6 @@ from common.datasets import atomic_path
 from common.errors import InputError
 from common.event_table import FIELDS, check_events, new_catalog
 from common.fields import TEXT, Field
-from common.provenance import comment
 from common.source_tensors import principal_axes, source_shares
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
@@ -73,10 +72,10 @@ UP_SOUTH_EAST = {
 }
 
 
-def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike, made_from: str = "") -> None:
+def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     """Write the resolved events of a catalogue (form of common.event_table) as QuakeML, atomically.
 
-    ObsPy checks the file against the schema first. made_from: see common.provenance. Needs attributes mine and frame.
+    ObsPy checks the file against the schema first. Needs attributes mine and frame.
     Raises InputError for a missing frame, a resolved event without time or location, or a file that the schema refuses.
     """
     catalog = check_events(catalog, "catalogue")
@@ -88,7 +87,7 @@ def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike, made_from: str =
     if not _validate(stream, verbose=True):
         raise InputError(f"{path}: ObsPy's QuakeML schema check failed; see the log, and report it")
     with atomic_path(path) as temporary:
-        temporary.write_bytes(stream.getvalue() + comment(made_from).encode())
+        temporary.write_bytes(stream.getvalue())
 
 
 def _obspy_catalog(catalog: xr.Dataset) -> Catalog:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from baselines.models import Counted
 from baselines.months import MonthMaps, Periods, Places, line_places, mean_interval, move, nuisances
-from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.compare.face import Face
+from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.settings import FacePosition
 
 START = np.array(["2019-08-01", "2019-09-01", "2019-10-01"], "datetime64[ns]")

@@ -12,8 +12,8 @@ from elk_creek_fixtures import recorded_data, write_tiny_mine
 
 from baselines.months import MonthMaps, Periods, Places
 from catalogs.compare.face import Face
-from catalogs.settings import FacePosition, FaceSettings
 from catalogs.records import elk_creek_reader as record
+from catalogs.settings import FacePosition, FaceSettings
 from workflow.face_positions import face_positions
 
 

@@ -150,9 +150,8 @@ def test_steps_ahead_are_forecast(plans):
 def test_the_page_needs_nothing_else_and_the_table_holds_all(plans, tmp_path):
     outcomes = [plan.outcome for plan in plans]
     page, table = tmp_path / "report.html", tmp_path / "plans.csv"
-    write_report(outcomes, GRID, SETTINGS, page, table, "0123456789abcdef")
+    write_report(outcomes, GRID, SETTINGS, page, table)
     text = page.read_text()
-    assert text.endswith("<!-- made_from: 0123456789abcdef -->\n")
     assert not re.search(r'(src|href)="(?!data:)', text)
     assert "Steps ahead of the record" in text
     rows = pd.read_csv(table)
@@ -168,15 +167,15 @@ def test_a_page_without_classes_has_no_chance(plans, tmp_path):
     run = drawn_run(tmp_path / "run", "own", 1)
     plain = make_outcome(slice_of([run], hazard={}), GRID)
     settings = PlansReportSlice.of({"mine": MINE})
-    write_report([plain], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+    write_report([plain], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv")
     text = (tmp_path / "report.html").read_text()
     assert "Chance of large events near openings" not in text
     assert "hazard.magnitudes" in text
     with pytest.raises(InputError, match="made with other classes of size or distance"):
-        write_report([plain], GRID, SETTINGS, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+        write_report([plain], GRID, SETTINGS, tmp_path / "report.html", tmp_path / "plans.csv")
     other = PlansReportSlice.of({"mine": "another"})
     with pytest.raises(InputError, match="is of mine made_up, not of another"):
-        write_report([plain], GRID, other, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+        write_report([plain], GRID, other, tmp_path / "report.html", tmp_path / "plans.csv")
 
 
 def test_a_class_below_the_floor_has_no_chance_and_is_named(tmp_path):
@@ -192,7 +191,7 @@ def test_a_class_below_the_floor_has_no_chance_and_is_named(tmp_path):
         "smallest magnitude with a chance is Mw −0.46."
     ]
     assert matrix(plan, settings.hazard)[1]["cells"][0]["yearly"] == "–"
-    write_report([plan.outcome], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv", "0123456789abcdef")
+    write_report([plan.outcome], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv")
 
 
 def empty_run(folder, kind: str) -> dict:

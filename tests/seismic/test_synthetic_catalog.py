@@ -167,15 +167,14 @@ def test_the_stage_of_the_events_end_to_end(planes, make_scattered_step, make_se
             plane_normals=json.dumps({"fault": [0.0, 0.0, 1.0]}),
         )
     write_dataset(step, tmp_path / "step.nc")
-    own, dates = make_settings(), {key: make_settings()[key] for key in ("start", "end")}
-    common = {key: own[key] for key in own if key not in dates}
-    settings = {"seismic": common, "steps": [{"name": "2019-08", "dates": dates}]}
+    dates = {key: AUGUST[key] for key in ("start", "end")}
+    settings = {"seismic": make_settings(), "steps": [{"name": "2019-08", "dates": dates}]}
     outputs = [tmp_path / "events", tmp_path / "catalog.nc"]
     done = run_job(tmp_path, "events", settings, outputs, steps=[tmp_path / "step.nc"])
     assert (done.returncode, len(told(done))) == (0, 1), done.stderr
     assert "potency budget" in (tmp_path / "events.log").read_text()
 
-    events, _ = extract_events(step, own)
+    events, _ = extract_events(step, make_settings() | dates)
     made = read_job(done.args[3]).record()
     write_events(events.assign_attrs(made), tmp_path / "here_events.nc")
     catalog = merge([read_events(tmp_path / "here_events.nc")])

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-
 from common.sources import source_hash
+
 from mpm_core.kernels.threads import use_threads
 from verification.benchmarks.peers.stope import announce, closure, peak_memory
 from verification.benchmarks.settings import Case, Settings

@@ -9,11 +9,11 @@ from verification.command_line import Stage, run_command
 def report(arguments: argparse.Namespace) -> None:
     """Write table and page of all claims."""
     import numpy as np
+    from common.slices import read_slice
 
     from calibration.stages import read_calibration
     from catalogs.figures import style
     from common.event_table import read_events
-    from common.slices import read_slice
     from verification.calibration_truth import claims
     from verification.calibration_truth.figure import draw
     from verification.calibration_truth.page import write_report

@@ -82,10 +82,10 @@ def stages() -> dict[str, Stage]:
 
 @cache
 def package_hash(*packages: str) -> str:
-    """Hash of all files of packages, in path order; compiled ones are left out."""
+    """Hash of all files of packages, in path order; what Python keeps of compiled ones is left out."""
     digest = hashlib.sha256()
     for package in packages:
         for path in sorted((ROOT / package).rglob("*")):
-            if path.is_file() and path.suffix != ".pyc":
+            if path.is_file() and "__pycache__" not in path.parts:
                 digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]

@@ -1,7 +1,6 @@
 """Stages of the baselines: catalogues from elastic stress alone, and all models beside the record."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 from common.job import Job
 from workflow.stages import stage
@@ -51,7 +50,7 @@ def baselines(job: Job) -> None:
     report_stage(
         job.settings,
         **{name: job.input(name) for name in names},
-        members=[Path(path).parent for path in job.paths("members")],
+        members=[path.parent for path in job.paths("members")],
         output=job.output("report.html"),
         table=job.output("scores.csv"),
         months=job.output("months.csv"),

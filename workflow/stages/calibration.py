@@ -39,6 +39,6 @@ def calibrate(job: Job) -> None:
     """the calibrated quantities, from all trials and the record"""
     from calibration.stages import fit_stage
 
-    files = {name: job.paths(name) for name in ("trials", "finer")}
+    trials, finer = job.paths("trials"), job.paths("finer")
     page, table = job.outputs[:2]
-    fit_stage(job.settings, **files, record=job.input("record"), output=page, table=table)
+    fit_stage(job.settings, trials=trials, finer=finer, record=job.input("record"), output=page, table=table)

@@ -42,7 +42,7 @@ def events(job: Job) -> None:
     write_events(merged.assign_attrs(record), job.output("catalog.nc"))
 
 
-def _events_of(state: str, settings: dict):
+def _events_of(state: Path, settings: dict):
     """Events of one step. Raises InputError that names the file of its state."""
     from common.datasets import read_dataset
     from common.errors import InputError
@@ -61,7 +61,6 @@ def _events_of(state: str, settings: dict):
 @stage("seismic", "catalogs", settings=lambda mine, wildcards: mine.event_slice())
 def catalogue(job: Job) -> None:
     """The catalogue as a table and as QuakeML, and sizes of events at several values of closeness"""
-    from seismic.closeness import sizes_by_closeness
 
     from catalogs.sources.quakeml import write_quakeml
     from common.datasets import read_dataset, write_dataset
@@ -69,9 +68,9 @@ def catalogue(job: Job) -> None:
     from common.part_centers import PLACE_VARIABLES
     from seismic.catalog import write_csv
     from seismic.event_settings import EventSettings
-    from seismic.events import ROCK_VARIABLES
+    from seismic.events import ROCK_VARIABLES, sizes_by_closeness
 
-    catalog = read_events(Path(job.input("catalog")))
+    catalog = read_events(job.input("catalog"))
     write_csv(catalog, job.output("catalog.csv"))
     if job.writes("catalog.xml"):
         write_quakeml(catalog, job.output("catalog.xml"))

@@ -1,7 +1,5 @@
 """Stages that compare a mine's catalogue with others, and the report."""
 
-from pathlib import Path
-
 from common.job import Job
 from workflow.mine import Mine
 from workflow.stages import stage
@@ -40,13 +38,13 @@ def comparison(job: Job) -> None:
 def _with_record(job: Job, catalog):
     """comparison.nc"""
     from catalogs.compare.comparison import compare
-    from catalogs.settings import ComparisonSlice
     from catalogs.compare.spread import read_members
+    from catalogs.settings import ComparisonSlice
     from common.event_table import read_events
 
     settings = job.settings["comparison"]
     dated = [one["name"] for one in settings["steps"]]
-    folders = [Path(path).parent for path in job.paths("members")]
+    folders = [path.parent for path in job.paths("members")]
     members = read_members(folders, dated, catalog.attrs["mine"])
     record = read_events(job.input("record"))
     return compare(catalog, record, ComparisonSlice.of(settings, "comparison"), members)
@@ -54,10 +52,10 @@ def _with_record(job: Job, catalog):
 
 def _with_members(job: Job, catalog, compared):
     """spread.nc"""
-    from catalogs.settings import SpreadSettings
     from catalogs.compare.spread import gather
+    from catalogs.settings import SpreadSettings
 
-    runs = [Path(path).parent for path in (job.input("catalog"), *job.paths("members"))]
+    runs = [path.parent for path in (job.input("catalog"), *job.paths("members"))]
     return gather(runs, catalog, compared, SpreadSettings.of(job.settings["spread"]))
 
 
@@ -67,8 +65,8 @@ def _with_companion(job: Job, catalog):
     from common.datasets import read_dataset
     from common.event_table import read_events
 
-    settings, coarse = job.settings["grid_convergence"], Path(job.input("coarse")).parent
-    folders = [Path(job.input("catalog")).parent, coarse]
+    settings, coarse = job.settings["grid_convergence"], job.input("coarse").parent
+    folders = [job.input("catalog").parent, coarse]
     states = [[read_dataset(folder / f"steps/{name}.nc", ()).attrs for name in settings["steps"]] for folder in folders]
     catalogs = [catalog, read_events(coarse / "catalog.nc")]
     return compare(catalogs, states, read_dataset(coarse / "grid.nc", ()).attrs, settings)
@@ -84,23 +82,14 @@ def _with_forecasts(job: Job):
 @stage("catalogs", settings=lambda mine, wildcards: mine.report_slice())
 def report(job: Job) -> None:
     """The report for a geotechnical engineer, and its figures."""
-    from catalogs.settings import ReportSlice
     from catalogs.report.page import write_report
+    from catalogs.settings import ReportSlice
 
-    settings = ReportSlice.of(job.settings)
-    single = ("grid", "elastic", "catalog", "record", "comparison", "spread", "closeness", "grid_convergence")
-    names = [Path(path).stem for path in job.paths("steps")]
-    write_report(
-        config=settings.config,
-        default=settings.default,
-        excavations=settings.excavations,
-        insitu=settings.insitu,
-        steps=job.paths("steps"),
-        events=[f"{folder}/{name}.nc" for folder in job.paths("events") for name in names],
-        forecast_scores=job.input_if_any("forecast_scores"),
-        logs=job.logs,
-        output=job.outputs[0],
-        figures=job.output("figures"),
-        processes=job.threads,
-        **{name: job.input_if_any(name) for name in single},
-    )
+    names = [path.stem for path in job.paths("steps")]
+    several = {
+        "steps": job.paths("steps"),
+        "events": [folder / f"{name}.nc" for folder in job.paths("events") for name in names],
+    }
+    paths = {name: job.input(name) for name in job.inputs if name not in several}
+    page, figures = job.outputs
+    write_report(paths | several, ReportSlice.of(job.settings), page, figures, logs=job.logs, processes=job.threads)

@@ -10,8 +10,8 @@ from workflow.stages import stage
 @stage("catalogs", settings=lambda mine, wildcards: mine.picture_slice())
 def scene(job: Job) -> None:
     """A picture of what will be solved: cells, solids, record."""
-    from catalogs.settings import PictureSlice
     from catalogs.figures.overview import write_overview
+    from catalogs.settings import PictureSlice
     from common.datasets import read_dataset
     from common.event_table import read_events
 

@@ -10,21 +10,16 @@ from pathlib import Path
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from common.costs import cost_of
+from common.result_folders import BASELINES, CALIBRATION, COARSE, DRAWN_ROCK, ELASTIC_ROCK, ENSEMBLE, PLANS
 
-# Folders of the runs besides the mine's own: on cells of twice the size, in elastic rock, members of an ensemble.
-RUNS_IN_ONE_ROW = re.compile(r"(coarse|elastic_rock|ensemble/(\d+))/")
+# Folders of the runs whose stages are jobs of their own: in elastic rock, members of an ensemble.
+RUNS_IN_ONE_ROW = re.compile(rf"({ELASTIC_ROCK}|{ENSEMBLE}/(\d+))/")
 MADE_BY = {  # stage, named as its log is, and the dataset without which it belongs to an earlier plan
-    "catalog": "catalog",
-    "quakeml": "catalog",
-    "closeness": "closeness",
+    "catalogue": "catalog",
     "record": "record",
-    "compare": "comparison",
-    "spread": "spread",
-    "forecast_scores": "forecast_scores",
-    "grid_convergence": "grid_convergence",
-    "coarse": "grid_convergence",
+    COARSE: "grid_convergence",
 }
-OTHER_PAGES = ("baselines", "calibration", "drawn_rock", "plans")  # folders of what has a page of its own
+OTHER_PAGES = (BASELINES, CALIBRATION, DRAWN_ROCK, PLANS)  # folders of what has a page of its own
 
 
 def section(evidence: Evidence, _: Gallery) -> list[dict]:
@@ -37,9 +32,8 @@ def section(evidence: Evidence, _: Gallery) -> list[dict]:
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
     """What each stage cost, from the logs of stages below a folder: columns as in `common.costs`.
 
-    Logs of earlier plans are left out: of other steps than these, of `absent` stages, of members beyond so many. The
-    companion on larger cells is one row, and so is each member of an ensemble: the sum of its times, the largest of
-    its peaks.
+    Logs of earlier plans are left out: of other steps than these, of `absent` stages, of members beyond so many. Each
+    member of an ensemble is one row: the sum of its times, the largest of its peaks.
     """
     if logs is None or not Path(logs).is_dir():
         return []
@@ -52,7 +46,7 @@ def read_resources(logs, steps: set[str], absent: set[str], members: int) -> lis
         *folders, last = stage.split("/")
         if folders and folders[0] in OTHER_PAGES:
             continue
-        if {stage, *folders} & absent or ({"steps", "events"} & {*folders} and last not in steps):
+        if {stage, *folders} & absent or ("steps" in folders and last not in steps):
             continue
         part = RUNS_IN_ONE_ROW.match(stage)
         if part and int(part[2] or 0) > members:
@@ -60,7 +54,8 @@ def read_resources(logs, steps: set[str], absent: set[str], members: int) -> lis
         if part:
             parts.setdefault((int(part[2] or 0), part[1]), []).append(asdict(cost))
         else:
-            rows.append({"stage": stage, **asdict(cost)})
+            name = "coarse, all stages" if stage == COARSE else stage
+            rows.append({"stage": name, **asdict(cost)})
     for (_, folder), stages in sorted(parts.items()):
         total = {name: sum(stage[name] for stage in stages) for name in stages[0]}
         rows.append({"stage": f"{folder}, all stages", **total, "memory": max(stage["memory"] for stage in stages)})
