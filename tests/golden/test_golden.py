@@ -20,7 +20,7 @@ def when_requested(name: str):
     return pytest.param(name, marks=[pytest.mark.slow, skip])
 
 
-@pytest.mark.parametrize("name", map(when_requested, RUNS))
+@pytest.mark.parametrize("name", [when_requested(name) for name in RUNS])
 def test_results_are_pinned(name, tmp_path):
     """To the bit on the processor that the golden file was written on, else by summaries."""
     written_on, golden = read_golden(name)
