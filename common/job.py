@@ -1,7 +1,7 @@
 """A job: one call of a stage, as a file that says all that its results depend on.
 
-The file is `results/<mine>/jobs/<stage>.<hash>.json`, or `<stage>/<part>.<hash>.json` where a stage has several
-jobs, as those of the steps. It holds the stage's settings in SI units, the results that it reads, and hashes of its
+The file is `results/<mine>/jobs/<stage>/<hash>.json`, or `<stage>/<part>/<hash>.json` where a stage has several jobs,
+as those of the steps. It holds the stage's settings in SI units, the results that it reads, and hashes of its
 code and of the user's files that the settings name. The hash in its name is that of its content, and the file is an
 input of the stage's rule. So whatever changes makes another file, newer than the results, and Snakemake runs the stage
 again, also where its own notes (`.snakemake`) are gone. `python -m workflow <file> --output ...` runs a job.
@@ -92,8 +92,8 @@ def write_job(
     files = {path.as_posix(): content_of(path) for path in files_of(settings)}
     values = {"stage": stage, "settings": settings, "inputs": inputs, "code": code, "files": files}
     text = json.dumps(values, sort_keys=True)
-    path = Path(folder, FOLDER, f"{stage}/{part}" if part else stage)
-    path = path.with_name(f"{path.name}.{content_hash(text)}.json")
+    # A folder for each job: Snakemake keeps what it has seen in a folder, and would miss a file that is written later.
+    path = Path(folder, FOLDER, stage, part, f"{content_hash(text)}.json")
     if not path.is_file() or path.read_text(encoding="utf-8", errors="replace") != text:
         try:
             with atomic_path(path) as temporary:
@@ -115,8 +115,8 @@ def read_job(path: str | os.PathLike) -> Job:
         raise InputError(f"{path}: not readable ({error.strerror}); {REMEDY}") from error
     except ValueError as error:
         raise InputError(f"{path}: not JSON ({error}); {REMEDY}") from error
-    named = re.fullmatch(r"\.([0-9a-f]{16})", Path(path.stem).suffix)
-    if not isinstance(values, dict) or (named and named[1] != content_hash(text)):
+    named = re.fullmatch(r"[0-9a-f]{16}", path.stem)
+    if not isinstance(values, dict) or (named and named[0] != content_hash(text)):
         raise InputError(f"{path}: damaged: its content is not what was written; {REMEDY}")
     return Job(**values)
 
@@ -124,24 +124,22 @@ def read_job(path: str | os.PathLike) -> Job:
 def stage_of(path: str | os.PathLike) -> str:
     """Name of the stage that a job's file is of, from its path."""
     parts = Path(path).parts
-    below = parts[len(parts) - parts[::-1].index(FOLDER) :] if FOLDER in parts else parts[-1:]
-    return below[0].split(".")[0]
+    return parts[len(parts) - parts[::-1].index(FOLDER)] if FOLDER in parts[:-1] else ""
 
 
 def remove_earlier(path: str | os.PathLike) -> None:
-    """Remove other jobs of the same stage: what they describe is about to be replaced.
+    """Remove earlier forms of a job: what they describe is about to be replaced.
 
     If their settings come back, they are written again, and then they are newer than the results.
     """
     path = Path(path)
-    name = Path(path.stem).stem
-    for earlier in path.parent.glob(f"{name}.*{path.suffix}"):
-        if earlier.name != path.name and re.fullmatch(r"\.[0-9a-f]{16}", earlier.name[len(name) : -len(path.suffix)]):
+    for earlier in path.parent.glob(f"*{path.suffix}"):
+        if earlier.name != path.name:
             earlier.unlink(missing_ok=True)
 
 
 def content_hash(text: str) -> str:
-    """The end of the name of a job's file."""
+    """The name of a job's file."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

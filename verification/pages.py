@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
-from common.sources import ROOT
+from common.provenance import ROOT
 
 from common.command_line import CommandLine
 from common.datasets import atomic_path

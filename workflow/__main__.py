@@ -1,4 +1,4 @@
-"""Runs a job of the pipeline: python -m workflow results/<mine>/jobs/<stage>.<hash>.json --output <paths>"""
+"""Runs a job of the pipeline: python -m workflow results/<mine>/jobs/<stage>/<hash>.json --output <paths>"""
 
 from dataclasses import replace
 from pathlib import Path

@@ -112,21 +112,25 @@ def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, mon
     ("words", "status", "says"),
     [
         ("workflow", 2, "python -m workflow: the following arguments are required: job, --output; --help"),
-        ("workflow jobs/grid.json --output x --threads many", 2, "python -m workflow: argument --threads: inv"),
+        ("workflow jobs/grid/1.json --output x --threads many", 2, "python -m workflow: argument --threads: inv"),
         (
             "workflow nonsense.json --output x",
             2,
             "python -m workflow: nonsense.json: no job of a stage; there ",
         ),
         ("workflow.generate nonsense", 2, "python -m workflow.generate: unrecognized arguments: nonsense"),
-        ("workflow jobs/grid --output x", 1, "grid x: jobs/grid: not readable (No such file or directory); jobs stand"),
-        ("workflow {empty}/jobs/grid.json --output x", 1, "grid x: {empty}/jobs/grid.json: not JSON ("),
+        (
+            "workflow jobs/grid/1.json --output x",
+            1,
+            "grid x: jobs/grid/1.json: not readable (No such file or directory); jobs stand",
+        ),
+        ("workflow {empty}/jobs/grid/2.json --output x", 1, "grid x: {empty}/jobs/grid/2.json: not JSON ("),
     ],
 )
 def test_a_stage_that_is_called_wrong_by_hand_is_one_line(tmp_path, words, status, says):
     """No usage of many lines, no traceback, no advice to delete what is no slice."""
-    (tmp_path / "jobs").mkdir()
-    (tmp_path / "jobs/grid.json").write_text("")
+    (tmp_path / "jobs/grid").mkdir(parents=True)
+    (tmp_path / "jobs/grid/2.json").write_text("")
     line = words.format(empty=tmp_path).split()
     run = subprocess.run([sys.executable, "-m", *line], cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == status

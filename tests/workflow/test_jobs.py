@@ -53,10 +53,11 @@ def test_a_name_depends_on_the_content_alone_and_earlier_jobs_go_when_one_runs(t
 @pytest.mark.parametrize("content", [None, "", "{", "[1]"])
 def test_an_unreadable_job_is_one_line(tmp_path, content):
     """With the file, and what to do."""
-    path = tmp_path / "grid.json"
+    path = tmp_path / "jobs/grid/0123.json"
+    path.parent.mkdir(parents=True)
     if content is not None:
         path.write_text(content)
-    with pytest.raises(InputError, match=r"grid\.json: .*; jobs stand in results"):
+    with pytest.raises(InputError, match=r"0123\.json: .*; jobs stand in results"):
         read_job(path)
 
 
@@ -77,8 +78,8 @@ def test_no_room_for_a_job_is_one_line(tmp_path):
     )
     run = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True)
     assert run.returncode != 0
-    assert f"InputError: the disk is full: no room in {tmp_path / 'jobs'}" in run.stderr.splitlines()[-1]
-    assert not list((tmp_path / "jobs").iterdir())
+    assert f"InputError: the disk is full: no room in {tmp_path / 'jobs/grid'}" in run.stderr.splitlines()[-1]
+    assert not list((tmp_path / "jobs/grid").iterdir())
 
 
 def test_a_folder_that_takes_no_job_is_one_line(tiny_file, tmp_path):
@@ -87,7 +88,7 @@ def test_a_folder_that_takes_no_job_is_one_line(tiny_file, tmp_path):
     (tmp_path / "results/tiny/jobs").write_text("a file of the user's")
     status, text = snakemake(tiny_file, tmp_path, "results/tiny/record.nc")
     assert status != 0
-    assert "results/tiny/jobs/record." in text
+    assert "results/tiny/jobs/record/" in text
     assert "cannot be written" in text
     assert "Traceback" not in text
     (tmp_path / "results/tiny/jobs").unlink()
@@ -98,7 +99,7 @@ def test_a_changed_value_makes_jobs_of_its_stages_alone(spoiled, base, leave_emp
     """One file for each job, before and after; those that do not depend on the value keep theirs."""
     folder = spoiled / "results/tiny/jobs"
     before = {path.relative_to(folder).as_posix() for path in folder.rglob("*.json")}
-    assert {name.split(".")[0] for name in before} == {
+    assert {name.rpartition("/")[0] for name in before} == {
         *("grid", "elastic", "step/history", "step/2019-08"),
         *("events", "catalogue", "record", "comparison", "report"),
     }
@@ -106,7 +107,7 @@ def test_a_changed_value_makes_jobs_of_its_stages_alone(spoiled, base, leave_emp
         status, text = snakemake(file, spoiled, interpreter=leave_empty)
     assert status == 0, text
     after = {path.relative_to(folder).as_posix() for path in folder.rglob("*.json")}
-    assert {name.split(".")[0] for name in after - before} == {"record", "report"}
+    assert {name.rpartition("/")[0] for name in after - before} == {"record", "report"}
     assert len(after) == len(before)
 
 
@@ -119,7 +120,7 @@ def test_a_mine_of_many_excavations_gets_its_grid(tmp_path):
     file = write_mine(mine, tmp_path / "files/large.yaml")
     status, text = snakemake(file, tmp_path / "run", "results/large-760/grid.nc")
     assert status == 0, text
-    (job,) = (tmp_path / "run/results/large-760/jobs").iterdir()
+    (job,) = (tmp_path / "run/results/large-760/jobs/grid").iterdir()
     assert len(json.loads(job.read_text())["settings"]["excavations"]) == 760
     assert job.stat().st_size > 131_072
 

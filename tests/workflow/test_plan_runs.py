@@ -178,7 +178,7 @@ def test_plans_in_rock_that_a_calibration_has_drawn(planned, base, tmp_path):
     assert jobs(text) == {"elastic": 5, "step": 20, "events": 10, "plan_outcome": 2, "plans": 1}
     for draw, value in residual.items():
         for place in (f"drawn_rock/{draw}", f"plans/swapped/drawn_rock/{draw}"):
-            (job,) = (results / place / "jobs/step").glob("2019-08.*.json")
+            (job,) = (results / place / "jobs/step/2019-08").glob("*.json")
             assert read_job(job).settings["materials"]["host"]["cohesion"]["residual"] == pytest.approx(value)
     for plan, place in (("mine_file", results), ("swapped", results / "plans/swapped")):
         outcome = xr.open_dataset(results / f"plans/{plan}/outcome.nc")

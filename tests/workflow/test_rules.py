@@ -137,11 +137,11 @@ def test_a_job_is_written_with_the_inputs_of_its_rule(files, tmp_path, monkeypat
     step = inputs.of("step", "{step}", grid=files.grid, state=files.previous_state).callable
     found = step(cards(mine="tiny/ensemble/1", step="2019-08"))
     assert found["grid"] == "results/tiny/grid.nc"
-    assert found["job"].startswith("results/tiny/ensemble/1/jobs/step/2019-08.")
+    assert found["job"].startswith("results/tiny/ensemble/1/jobs/step/2019-08/")
     job = read_job(found["job"])
     assert job.inputs == {"grid": ["results/tiny/grid.nc"], "state": ["results/tiny/ensemble/1/steps/history.nc"]}
     assert job.settings == files.mine.member(1).step_slice("2019-08")
     given = inputs.of("trial", "{trial}", settings=lambda cards: {"of": cards.trial}, finer=[]).callable
-    assert given(cards(trial="2"))["job"].startswith("results/tiny/jobs/trial/2.")
+    assert given(cards(trial="2"))["job"].startswith("results/tiny/jobs/trial/2/")
     assert read_job(given(cards(trial="2"))["job"]).inputs == {}
     assert SimpleNamespace(**given(cards(trial="2"))).job != given(cards(trial="3"))["job"]
