@@ -18,7 +18,7 @@ def answer(arguments: argparse.Namespace) -> None:
     from verification.studies import load_study
 
     study = load_study(arguments.study, json.loads(arguments.default))
-    module = importlib.import_module(f"verification.{study.answer}.answer")
+    module = importlib.import_module(f"verification.answers.{study.answer}")
     with style.applied():
         rows, figure = module.answer(read_results(study, Path(arguments.results), Path(arguments.logs)))
         style.save(figure, Path(arguments.figure))

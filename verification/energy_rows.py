@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 import xarray as xr
 
+from verification.cavities.inclusion import SphericalInclusion
 from verification.rows import Row
-from verification.sphere.closed_form import SphericalInclusion
 
 MAX_ENERGY_LEFT_SHARE = 1e-6  # Round-off of a balance, as a share of its largest term.
 

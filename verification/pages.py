@@ -159,7 +159,7 @@ def _verified(name: str, rows: list[dict[str, str]]) -> tuple[str, str, list[str
     study = yaml.safe_load((STUDIES / f"{name}.yaml").read_text(encoding="utf-8"))
     known = parse_known_misses(study.get("known_misses"))
     rows = judge(rows, known)
-    lines = _verification_tables(rows, tables_of(study["answer"]))
+    lines = _verification_tables(rows, answer_tables(study["answer"]))
     causes = Counter(known[row["quantity"]].cause for row in rows if row["passed"] == KNOWN_MISS)
     if causes:
         lines += ["Causes of the known misses:", "", *(f"- {cause} (rows: {n})" for cause, n in causes.items()), ""]
@@ -196,6 +196,11 @@ def tables_of(package: str) -> tuple:
     """Tables of a study's page: TABLES of `on_page.py` in its package, and none without that file."""
     module = f"verification.{package}.on_page"
     return importlib.import_module(module).TABLES if importlib.util.find_spec(module) else ()
+
+
+def answer_tables(answer: str) -> tuple[Pivot, ...]:
+    """Tables of the page of a study with an answer: TABLES of the answer's module, and none without them."""
+    return getattr(importlib.import_module(f"verification.answers.{answer}"), "TABLES", ())
 
 
 def made(table: Path) -> str:

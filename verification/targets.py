@@ -70,7 +70,7 @@ class Studies:
 
     def answer_sources(self, wildcards: Wildcards) -> str:
         """Hash of the sources of a study's answer: the stage, and the module that the study names."""
-        return source_hash("verification answer", f"verification.{self.read(wildcards.study).answer}.answer")
+        return source_hash("verification answer", f"verification.answers.{self.read(wildcards.study).answer}")
 
     def results(self, wildcards: Wildcards) -> list[str]:
         """Results of all stages of all variants of a study."""

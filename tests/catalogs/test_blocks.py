@@ -6,7 +6,7 @@ import pytest
 from catalogs.compare.blocks import cluster_labels, rounded_to
 from catalogs.compare.exposure import Exposure
 from catalogs.sources.jackknife import effective_blocks
-from verification.statistics.samples import branching_events, dated
+from verification.answers.statistics.samples import branching_events, dated
 
 
 def clusters_of(events):

@@ -10,7 +10,7 @@ from catalogs.compare.comparison import compare
 from catalogs.compare.exposure import Exposure, Total, total_interval, total_ratio
 from catalogs.records.times import recorded_period
 from catalogs.settings import DatedStep
-from verification.statistics.samples import simulated_sizes
+from verification.answers.statistics.samples import simulated_sizes
 
 STEPS = (
     DatedStep(name="a", start="2019-08-01", end="2019-09-01"),

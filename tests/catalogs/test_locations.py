@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from catalogs.compare.locations import compare_locations, smear
-from verification.statistics.samples import clustered_locations
+from verification.answers.statistics.samples import clustered_locations
 
 QUICK = {"resamplings": 199, "distances": np.array([20.0, 40.0])}
 

@@ -8,7 +8,7 @@ from catalogs.compare.size_measures import fit
 from catalogs.settings import ComparisonSettings
 from catalogs.sources import completeness as search
 from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED, find_law
-from verification.statistics.samples import simulated_sizes
+from verification.answers.statistics.samples import simulated_sizes
 
 SETTINGS = ComparisonSettings(resamplings=199)
 

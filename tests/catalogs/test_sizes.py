@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from catalogs.sources import sizes
-from verification.statistics.samples import simulated_sizes
+from verification.answers.statistics.samples import simulated_sizes
 
 
 @pytest.mark.parametrize(

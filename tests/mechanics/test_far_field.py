@@ -22,7 +22,7 @@ from mpm_core.scene.far_field import (
     worst_coefficient,
 )
 from mpm_core.settings import MAX_LEVELS
-from verification.kirsch.closed_form import BoxedPlate, InfinitePlate
+from verification.answers.kirsch.closed_form import BoxedPlate, InfinitePlate
 
 RATIOS = (0.0, 0.1, 0.25, 0.4, 0.49)
 CONDITIONS = ("fixed", "roller", "traction")

@@ -52,7 +52,7 @@ def seismic_potency(state) -> float:
 def test_a_smaller_error_asks_for_more_increments_and_less_is_in_excess(tmp_path):
     """Here the rock breaks in bands, and which ones is nearly a matter of chance: 64, 128, 256 and 512 increments give
     0.67, 0.85, 0.67 and 0.71 of the potency that one gives. How near a chosen number comes to many is the study's
-    (verification/refinement)."""
+    (verification/answers/refinement)."""
     facts_of, found = {}, {}
     for error in (0.6, 0.2, 0.05):
         state, facts_of[error] = step_of(tmp_path, increments=0, max_overshoot=error)

@@ -21,7 +21,7 @@ from mechanics.scenes import (
 from mpm_core.scene.scene import Excavation
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.external_forces import external_force
-from verification.kirsch.closed_form import InfinitePlate
+from verification.answers.kirsch.closed_form import InfinitePlate
 
 DIMENSIONS = [("xy", 2), (None, 3)]
 P = 5e6

@@ -9,7 +9,7 @@ from catalogs.settings import DatedStep
 from common.errors import InputError
 from plans.differences import NUMBER, POTENCY, compare, ratio_of_runs, steps_with_other_runs
 from plans.outcome import make_outcome
-from verification.statistics.samples import simulated_sizes
+from verification.answers.statistics.samples import simulated_sizes
 
 NAMES = [step.name for step in STEPS]
 BOTH = (NAMES, NAMES)

@@ -14,7 +14,7 @@ from plans.hazard import chance_of, chances, dispersion_index, draw_expected, dr
 from plans.record import STEP_SCATTER, Factors, RecordedNumbers, draw_ratio, find_factors, step_ratios
 from plans.runs import StepResult
 from plans.truncated_law import TruncatedLaw, find_law
-from verification.statistics.samples import simulated_sizes
+from verification.answers.statistics.samples import simulated_sizes
 
 ONE = np.ones(1)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from verification.clustering.known_steps import synthetic_step
+from verification.answers.clustering.known_steps import synthetic_step
 
 
 def scattered_step(seed=0, count=400, **attributes):

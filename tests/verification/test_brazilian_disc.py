@@ -9,10 +9,10 @@ from running import STUDIES, run_study
 
 from common.source_tensors import scalar_potency
 from common.voigt import tensor_from_voigt
-from verification.brazilian_disc.answer import answer, elastic_rows, events_mean
-from verification.brazilian_disc.closed_form import Disc, PeakStrength, first_failure, plane_strain
-from verification.brazilian_disc.crack import read_crack
-from verification.brazilian_disc.elastic_rock import PressedDisc
+from verification.answers.brazilian_disc import answer, elastic_rows, events_mean
+from verification.answers.brazilian_disc.closed_form import Disc, PeakStrength, first_failure, plane_strain
+from verification.answers.brazilian_disc.crack import read_crack
+from verification.answers.brazilian_disc.elastic_rock import PressedDisc
 
 PAPER = Disc(radius=0.04, thickness=0.04, half_arc=np.radians(10.0))
 POISSON = 0.35

@@ -5,8 +5,8 @@ import pytest
 from running import run_study
 
 from common.part_centers import part_centers
-from verification.brazilian_disc.crack import read_crack
-from verification.brazilian_platens.answer import PlatenDisc, answer, stages_of, through_moment
+from verification.answers.brazilian_disc.crack import read_crack
+from verification.answers.brazilian_platens import PlatenDisc, answer, stages_of, through_moment
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from running import run_study
+from verification.spread.answer import answer
 
 from catalogs.figures import style
 from catalogs.settings import ComparisonSettings
@@ -15,7 +16,6 @@ from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED
 from common.costs import Costs
 from common.errors import InputError
 from verification.pages import tables_of
-from verification.spread.answer import answer
 from verification.spread.figure import draw
 from verification.spread.page import Scene, write_report
 from verification.spread.runs import CELLS, CLOSENESS, LOADING, MEMBERS, Catalogue, catalogue, read_sources

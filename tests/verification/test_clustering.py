@@ -12,9 +12,9 @@ from running import run_study
 
 from common.voigt import tensor_from_voigt
 from seismic.families import closeness
-from verification.clustering import answer as clustering
-from verification.clustering.family_recovery import certainly_recovered, least_angle, recover
-from verification.clustering.known_clusters import (
+from verification.answers import clustering
+from verification.answers.clustering.family_recovery import certainly_recovered, least_angle, recover
+from verification.answers.clustering.known_clusters import (
     NOISE,
     balls,
     elongation,
@@ -23,7 +23,7 @@ from verification.clustering.known_clusters import (
     make_points,
     share_of_noise_taken,
 )
-from verification.clustering.known_steps import turned
+from verification.answers.clustering.known_steps import turned
 
 
 @pytest.fixture(scope="module")

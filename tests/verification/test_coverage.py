@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from running import run_study
 
-from verification.coverage import answer as coverage
-from verification.coverage.cases import detected_sizes
+from verification.answers import coverage
+from verification.answers.coverage.cases import detected_sizes
 
 
 def test_the_reduced_study_holds_wider_bounds(tmp_path):

@@ -3,7 +3,7 @@
 import pytest
 from running import run_study
 
-from verification.far_field.answer import Rock, answer, largest_difference
+from verification.answers.far_field import Rock, answer, largest_difference
 
 FLAT = ["hole_uniaxial", "hole_uniaxial_wide", "hole", "hole_wide", "hole_rings"]
 ROUND = ["sphere_uniaxial", "sphere_uniaxial_wide"]

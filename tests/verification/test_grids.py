@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from running import run_study
 
 from common.costs import Costs
-from verification.grids.answer import make_rows
-from verification.grids.figure import draw
-from verification.grids.runs import at_error, difference, potency_by_block, read_runs, work
-from verification.pages import tables_of
+from verification.answers.grids import make_rows
+from verification.answers.grids.figure import draw
+from verification.answers.grids.runs import at_error, difference, potency_by_block, read_runs, work
+from verification.pages import answer_tables
 from verification.tradeoff.runs import MIN_WORK
 
 LARGER = [
@@ -90,7 +90,7 @@ def test_cells_of_one_size_come_to_one_error_on_each_grid(study):
     same = [row for row in rows if row.quantity.endswith("error as on the regular grid, share")]
     assert len(same) == 6
     assert all(row.passed for row in same)
-    for table in tables_of("grids"):
+    for table in answer_tables("grids"):
         assert any(table.place({"quantity": quantity}) for quantity in quantities), table.title
     fewer = {row.quantity: row.obtained for row in rows if "cells over those of" in row.quantity}
     assert fewer["sphere, adaptive, 2 m: cells over those of regular"] < 0.05

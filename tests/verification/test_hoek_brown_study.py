@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from running import run_study
 
-from verification.hoek_brown import answer as hoek_brown
-from verification.hoek_brown.closed_form import Curve, HoekBrownRock, HoekBrownTunnel
-from verification.plastic.ring import CoulombRock
-from verification.plastic.tunnel import PlasticTunnel
+from verification.answers import hoek_brown
+from verification.cavities.coulomb import CoulombRock, PlasticTunnel
+from verification.cavities.hoek_brown import Curve, HoekBrownRock, HoekBrownTunnel
 
 INTACT = Curve(30e6, 1.7, 0.0039, 0.5)
 ROCKS = {

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from running import run_study
 
-from verification.invariants.answer import answer
-from verification.invariants.closed_form import Column, Elastic, Smooth
+from verification.answers.invariants import answer
+from verification.answers.invariants.closed_form import Column, Elastic, Smooth
 
 ROCK, FILL = Elastic(57e9, 0.25), Elastic(1e9, 0.3)
 

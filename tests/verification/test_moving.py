@@ -3,8 +3,8 @@
 import numpy as np
 
 from tests.verification.running import run_study
-from verification.moving.answer import brittle_rows, elastic_rows
-from verification.schemes.runs import Pairs, Run
+from verification.answers.moving import brittle_rows, elastic_rows
+from verification.answers.schemes.runs import Pairs, Run
 
 ELASTIC = ["resting_stiff", "moving_stiff", "resting_medium", "moving_medium", "resting_soft", "moving_soft"]
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from running import run_study
 
-from verification.one_particle.answer import answer
-from verification.one_particle.closed_form import Axial, Specimen, Surface
+from verification.answers.one_particle import answer
+from verification.answers.one_particle.closed_form import Axial, Specimen, Surface
 
 TABLE_2 = {
     "youngs_modulus": 57e9,

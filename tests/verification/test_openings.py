@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from running import DEFAULT, STUDIES
 
-from verification.openings import answer as openings
+from verification.answers import openings
 from verification.results import Results
 from verification.studies import load_study
 

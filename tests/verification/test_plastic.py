@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 from running import run_study
 
-from verification.brittle_row import answer as brittle_row
-from verification.brittle_row.closed_form import BrittleRow
-from verification.plastic import answer as plastic
-from verification.plastic.ring import CoulombRock
-from verification.plastic.sphere import PlasticSphere
-from verification.plastic.tunnel import PlasticTunnel
+from verification.answers import brittle_row, plastic
+from verification.answers.brittle_row.closed_form import BrittleRow
+from verification.cavities.coulomb import CoulombRock, PlasticSphere, PlasticTunnel
 
 RADIUS = 8.0
 TABLE_2 = {

@@ -4,7 +4,7 @@ import yaml
 from running import STUDIES, run_study
 
 from common.costs import Costs
-from verification.refinement.answer import Run, answer
+from verification.answers.refinement import Run, answer
 
 LARGER = {"grid.coarse_cell": "20 m", "grid.volume_error": 1.0}
 # Fine within 15 m of the stope, where all its rock fails: a coarse cell that is too stressed fails a row.

@@ -12,12 +12,12 @@ from scipy.stats import ttest_ind, ttest_rel
 
 from common.errors import InputError
 from seismic.events import extract_events
+from verification.answers import schemes
+from verification.answers.schemes import runs as schemes_runs
+from verification.answers.schemes.figure import LABELS, draw
+from verification.answers.schemes.runs import Pairs, Run
 from verification.results import Variant
 from verification.rows import Row
-from verification.schemes import answer as schemes
-from verification.schemes import runs as schemes_runs
-from verification.schemes.figure import LABELS, draw
-from verification.schemes.runs import Pairs, Run
 from verification.studies import load_study
 
 COARSER = {"tunnel": 4, "sphere": 3, "mine": 2}  # levels of the grid; the study has one more

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from running import run_study
 from scipy.spatial.transform import Rotation
 
-from verification.plastic.ring import CoulombRock
-from verification.plastic.sphere import PlasticSphere
-from verification.sphere.answer import answer
-from verification.sphere.closed_form import Elastic, SphericalInclusion
+from verification.answers.sphere import answer
+from verification.cavities.coulomb import CoulombRock, PlasticSphere
+from verification.cavities.inclusion import Elastic, SphericalInclusion
 
 ROCK, FILL, NOTHING = Elastic(57e9, 0.25), Elastic(1e9, 0.3), Elastic(0.0, 0.0)
 STRESS = np.array([[-30e6, 4e6, -2e6], [4e6, -12e6, 7e6], [-2e6, 7e6, -20e6]])

@@ -8,11 +8,11 @@ import pytest
 from matplotlib.figure import Figure
 from running import run_study
 
-from verification.statistics import answer as statistics
-from verification.statistics import location_recovery as statistics_locations
-from verification.statistics import mechanism_recovery as statistics_mechanisms
-from verification.statistics import size_recovery as statistics_sizes
-from verification.statistics.samples import clustered_locations
+from verification.answers import statistics
+from verification.answers.statistics import location_recovery as statistics_locations
+from verification.answers.statistics import mechanism_recovery as statistics_mechanisms
+from verification.answers.statistics import size_recovery as statistics_sizes
+from verification.answers.statistics.samples import clustered_locations
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ def test_an_answer_reads_all_stages_of_all_variants(studies):
 
 
 def test_an_answer_depends_on_its_module(studies):
-    assert studies.answer_sources(JAEGER) == source_hash("verification answer", "verification.jaeger.answer")
+    assert studies.answer_sources(JAEGER) == source_hash("verification answer", "verification.answers.jaeger")
 
 
 def test_long_studies_are_run_by_their_own_names_alone(studies):

@@ -10,12 +10,12 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 from running import DEFAULT, STUDIES, run_study
+from verification.tradeoff.answer import answer
 
 from common.costs import Costs
 from common.errors import InputError
 from verification.pages import tables_of
 from verification.studies import Study, load_study
-from verification.tradeoff.answer import answer
 from verification.tradeoff.knobs import CHOSEN, changed, label, settings_of
 from verification.tradeoff.measures import richardson
 from verification.tradeoff.page import make_table, write_report

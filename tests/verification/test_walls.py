@@ -6,9 +6,9 @@ import pytest
 import yaml
 from running import DEFAULT, STUDIES
 
+from verification.answers import walls
 from verification.results import Results
 from verification.studies import load_study
-from verification.walls import answer as walls
 
 
 def test_limit_spread_and_extrapolation_are_those_of_the_potencies(monkeypatch):

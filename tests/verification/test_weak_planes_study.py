@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from running import run_study
 
-from verification.fault import answer as fault
-from verification.fault.planes import normal_of, share_within
-from verification.jaeger import answer as jaeger
-from verification.jaeger.closed_form import jaeger_strength
+from verification.answers import fault, jaeger
+from verification.answers.fault.planes import normal_of, share_within
+from verification.answers.jaeger.closed_form import jaeger_strength
 
 ROCK, PLANE = (10e6, 40.0), (2e6, 30.0)
 

@@ -9,10 +9,8 @@ from collections.abc import Callable
 import numpy as np
 import xarray as xr
 
+from verification.cavities.coulomb import CoulombRock, PlasticSphere, PlasticTunnel
 from verification.extremes.outcomes import RESTS, Outcome
-from verification.plastic.ring import CoulombRock
-from verification.plastic.sphere import PlasticSphere
-from verification.plastic.tunnel import PlasticTunnel
 from verification.stability.scenes import MINED_HEIGHT
 from verification.studies import merge
 

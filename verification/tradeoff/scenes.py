@@ -9,12 +9,12 @@ from scipy.spatial.distance import cdist
 
 from catalogs.sources.sizes import estimate_b, log_potency
 from mpm_core.equilibrium.increments import potency
-from verification.kirsch.closed_form import InfinitePlate
-from verification.kirsch.hole_fields import Rock
-from verification.kirsch.series import ANGLES, measure
-from verification.plastic.cavity import Cavity, plastic_ring, read_pressure
+from verification.answers.kirsch.closed_form import InfinitePlate
+from verification.answers.kirsch.hole_fields import Rock
+from verification.answers.kirsch.series import ANGLES, measure
+from verification.answers.sphere import exact_field
+from verification.cavities.cavity import Cavity, plastic_ring, read_pressure
 from verification.results import Results, Variant
-from verification.sphere.answer import exact_field
 
 Measures = dict[str, float]
 FIT_CELLS = (1.0, 6.0)  # Distances from the wall, cells, between which its stress is fitted.

@@ -1,0 +1,180 @@
+"""Figure of the Brazilian disc: stress and first failure on the loaded diameter, the crack's growth, and its stages."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.patches import Circle, Wedge
+
+from catalogs.figures import style
+from catalogs.figures.beachballs import first_motion
+from verification.answers.brazilian_disc.crack import STAGE_COUNT, Crack, Moment
+from verification.answers.brazilian_disc.elastic_rock import PressedDisc
+
+MPA, KILO, MILLI = 1e-6, 1e-3, 1e3
+ACROSS, ALONG, OUT = style.RECORDED, style.MODELLED, style.BOTH
+COLOURS = (style.MODELLED, style.RECORDED, style.BOTH, "#cc79a7")
+OLDER, NEW = style.BEFORE_RECORD, "#000000"
+ARC_WIDTH = 2.5  # Width of the drawn load, mm.
+MIN_BALL_RADIUS, MAX_BALL_RADIUS = 1.4, 5.5  # Radii of beach balls, mm.
+MAX_BALLS_PER_STAGE = 14  # The largest events of a stage are drawn.
+BALL_SAMPLES = 61  # Samples along a side of a beach ball.
+COLUMNS = 3
+
+
+def draw(discs: dict[str, PressedDisc], cracks: dict[str, Crack | None], settings: dict) -> Figure:
+    """All panels; without a crack only those of the elastic field."""
+    shown = [discs[name] for name in settings["compared"] if name in discs]
+    crack = cracks.get(settings["shown"])
+    if crack is None:
+        crack = next((found for found in cracks.values() if found), None)
+    rows = -(-STAGE_COUNT // COLUMNS)
+    figure = style.new_figure(height=3.9 + (4.1 * rows if crack else 0.0))
+    if crack:
+        upper, lower = figure.subfigures(2, 1, height_ratios=[3.9, 4.1 * rows])
+        draw_stages(lower, crack)
+    else:
+        upper = figure
+    stress, strength, growth = upper.subplots(1, 3)
+    draw_stress(stress, shown[0])
+    draw_first_failure(strength, shown)
+    draw_growth(growth, {name: found for name, found in cracks.items() if found and name not in settings["spread"]})
+    return figure
+
+
+def draw_stress(axes: Axes, disc: PressedDisc) -> None:
+    """Stresses on the loaded diameter with Hondros' lines."""
+    height, found = disc.along_diameter()
+    line = np.linspace(-1.0, 1.0, 401) * disc.disc.radius * 0.999
+    exact = disc.exact_along_diameter(line)
+    names = {0: ("across the load", ACROSS), 1: ("along the load", ALONG), 2: ("out of the plane", OUT)}
+    for index, (name, colour) in names.items():
+        axes.plot(MILLI * line, MPA * exact[:, index], color=colour, linewidth=1.0)
+        axes.plot(MILLI * height, MPA * found[:, index], ".", color=colour, markersize=3.5, label=name)
+    axes.set_title(f"Loaded diameter at {KILO * disc.loading.before:.3g} kN")
+    axes.set_xlabel("height above the centre (mm)")
+    axes.set_ylabel("stress (MPa), lines exact")
+    axes.legend(loc="lower center")
+
+
+def draw_first_failure(axes: Axes, discs: list[PressedDisc]) -> None:
+    """Load at which rock on the loaded diameter would reach strength, with the exact one."""
+    for disc, colour in zip(discs, COLOURS, strict=False):
+        height, found = disc.along_diameter()
+        line = np.linspace(0.0, 0.97, 300) * disc.disc.radius
+        exact = disc.loading.before * disc.strength.load_factor(disc.exact_along_diameter(line))
+        load = disc.loading.before * disc.strength.load_factor(found)
+        axes.plot(MILLI * line, KILO * exact, color=colour, linewidth=1.0)
+        upper = (height >= 0.0) & (height < line[-1])
+        axes.plot(MILLI * height[upper], KILO * load[upper], ".", color=colour, markersize=3.5, label=disc.name)
+        first = disc.first_failure()[1]
+        axes.plot(MILLI * first.place[1], KILO * first.resultant, "v", color=colour, markersize=7)
+        axes.annotate(
+            f"{KILO * first.resultant:.2f} kN", (MILLI * first.place[1], KILO * first.resultant), (6, -8),
+            textcoords="offset points", ha="left", va="top", color=colour, fontsize=8.5,
+        )  # fmt: skip
+    lowest = min(disc.first_failure()[1].resultant for disc in discs)
+    axes.set_ylim(0.8 * KILO * lowest, 2.2 * KILO * lowest)
+    axes.set_title("Load of first failure")
+    axes.set_xlabel("height above the centre (mm)")
+    axes.set_ylabel("load (kN), lines exact")
+    axes.legend(loc="upper left")
+
+
+def draw_growth(axes: Axes, cracks: dict[str, Crack]) -> None:
+    """Span of the crack against the cells that have failed."""
+    for (name, crack), colour in zip(cracks.items(), COLOURS, strict=False):
+        cells = [moment.failed_cells for moment in crack.moments]
+        spans = [100.0 * moment.span for moment in crack.moments]
+        label = f"{name}, {crack.text_of(crack.last_part)}"
+        axes.plot(cells, spans, ".-", color=colour, markersize=4, linewidth=0.8, label=label)
+    axes.set_title("Growth of the crack, by generation")
+    axes.set_xlabel("failed cells")
+    axes.set_ylabel("span (% of the loaded diameter)")
+    if cracks:
+        axes.set_xscale("log")
+        axes.set_ylim(0.0, 105.0)
+        axes.legend(loc="upper left")
+    else:
+        axes.text(0.5, 0.5, "no state of rest\nwith failed rock", ha="center", transform=axes.transAxes)
+
+
+def draw_stages(figure: FigureBase, crack: Crack, stages: list[Moment] | None = None) -> None:
+    """The disc as the crack grows: what failed before (grey) and in this stage (black), and the stage's events."""
+    stages = stages or crack.stages()
+    sections = [crack.events_between(before, stage.generation) for before, stage in _pairs(stages)]
+    largest = max(float(events.potency.max()) for events in sections if events.sizes["event"])
+    radius = MILLI * crack.disc.disc.radius
+    marker = max(1.1, 1.1 * MILLI * crack.disc.cell_size)  # of a cell
+    for number, (axes, stage, events) in enumerate(
+        zip(figure.subplots(-(-STAGE_COUNT // COLUMNS), COLUMNS).ravel(), stages, sections, strict=True), start=1
+    ):
+        axes.add_patch(Circle((0, 0), radius, facecolor="#f4f4f4", edgecolor=style.OUTLINE, linewidth=0.8, zorder=1))
+        half = np.degrees(crack.disc.disc.half_arc)
+        for middle in (90.0, 270.0):
+            axes.add_patch(
+                Wedge((0, 0), radius + ARC_WIDTH, middle - half, middle + half, width=ARC_WIDTH, color=ALONG)
+            )
+        before = stages[number - 2].generation if number > 1 else -1
+        for chosen, colour in (
+            (crack.rank <= before, OLDER),
+            ((crack.rank > before) & (crack.rank <= stage.generation), NEW),
+        ):
+            place = MILLI * crack.place[chosen]
+            axes.plot(*place.T, "s", color=colour, markersize=marker, markeredgewidth=0, zorder=2, rasterized=True)
+        draw_events(axes, crack, events, largest)
+        axes.set_title(
+            f"{number}: {crack.text_of(stage.part)}, {100 * stage.span:.0f} % spanned\n"
+            f"generation {stage.generation + 1}, {stage.failed_cells} cells, {events.sizes['event']} more events",
+            fontsize=9.0, fontweight="normal",
+        )  # fmt: skip
+        axes.set_xlim(-1.15 * radius, 1.15 * radius)
+        axes.set_ylim(-1.15 * radius, 1.15 * radius)
+        axes.set_aspect("equal")
+        axes.set_xlabel("x (mm)")
+        axes.set_ylabel("y (mm)")
+
+
+def _pairs(stages):
+    return zip([-1, *(stage.generation for stage in stages)], stages, strict=False)
+
+
+def draw_events(axes: Axes, crack: Crack, events, largest: float) -> None:
+    """The stage's largest events as beach balls beside the crack, joined to their places; area by potency."""
+    order = np.argsort(-events.potency.values, kind="stable")[:MAX_BALLS_PER_STAGE]
+    radius = MILLI * crack.disc.disc.radius
+    place = MILLI * (events.location.values[order, :2] - crack.disc.center)
+    size = np.clip(MAX_BALL_RADIUS * np.sqrt(events.potency.values[order] / largest), MIN_BALL_RADIUS, MAX_BALL_RADIUS)
+    for number, (x, y) in enumerate(spread(place, size, radius)):
+        axes.plot([place[number, 0], x], [place[number, 1], y], color=style.OUTLINE, linewidth=0.5, zorder=3)
+        tensor = events.potency_tensor.values[order[number]]
+        draw_ball(axes, x, y, size[number], tensor)
+
+
+def spread(place: np.ndarray, size: np.ndarray, radius: float) -> np.ndarray:
+    """Places of balls (ball, 2): for each, largest first, the nearest free place of a lattice beside the crack.
+
+    place (ball, 2), size (ball,), radius of the disc: mm.
+    """
+    line = np.arange(-0.95 * radius, 0.96 * radius, 0.05 * radius)
+    free = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    free = free[(np.abs(free[:, 0]) > 0.2 * radius) & (np.hypot(*free.T) < 0.95 * radius)]
+    result = np.empty_like(place)
+    for number, (own, where) in enumerate(zip(size, place, strict=True)):
+        apart = np.hypot(*(free[:, None] - result[:number]).transpose(2, 0, 1)) - size[:number] - own - 0.5
+        allowed = free[(apart > 0.0).all(axis=1)]
+        side = 1.0 if number % 2 else -1.0  # Balls on the crack go left and right in turn.
+        result[number] = allowed[np.argmin(np.hypot(*(allowed - where - [0.1 * side, 0.0]).T))]
+    return result
+
+
+def draw_ball(axes: Axes, x: float, y: float, radius: float, tensor: np.ndarray) -> None:
+    """A beach ball of the full tensor, lower hemisphere, seen along the disc's axis: coloured where it moves out."""
+    across, upward, motion = first_motion(tensor, BALL_SAMPLES)
+    disc = Circle((x, y), radius, facecolor="white", edgecolor="none", zorder=4)
+    axes.add_patch(disc)
+    if motion.max() > 0.0:
+        drawn = axes.contourf(
+            x + radius * across, y + radius * upward, motion, levels=[0.0, 2.0], colors=[style.RECORDED], zorder=5
+        )
+        drawn.set_clip_path(disc)
+    axes.add_patch(Circle((x, y), radius, facecolor="none", edgecolor="k", linewidth=0.6, zorder=6))

@@ -1,0 +1,93 @@
+"""A stope beside a fault of weak-plane rock: places of events, and whether their potency is slip along the planes."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+from catalogs.figures import style
+from verification.answers.fault.planes import normal_of, share_within
+from verification.energy_rows import closing_row
+from verification.results import Results, Variant
+from verification.rows import Row
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Rows and figure of the study."""
+    rows = []
+    for name, variant in results.variants.items():
+        rows += variant_rows(name, variant, results.allowed["within"])
+    states = (variant.step(step) for variant in results.variants.values() for step in variant.step_names)
+    rows.append(closing_row("all", states))
+    return rows, draw(results)
+
+
+def band(variant: Variant) -> tuple[np.ndarray, np.ndarray, float]:
+    """Middle of the fault (3,) m, its normal (3,), half its thickness m."""
+    outline = np.array(variant.values["rock_bodies"][0]["points"])
+    corners = np.insert(outline, 1, 0.0, axis=1)
+    normal = normal_of(variant.values["materials"]["fault"])
+    middle = corners.mean(axis=0)
+    return middle, normal, float(np.abs((corners - middle) @ normal).max())
+
+
+def variant_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
+    """Rows of one variant, over the events of all its steps."""
+    middle, normal, half = band(variant)
+    events = [variant.events(step) for step in variant.step_names]
+    tensors = np.concatenate([event["potency_tensor"].values for event in events])
+    places = np.concatenate([event["location"].values for event in events])
+    count = len(tensors)
+    rows = [Row(f"{name}: events of all steps, at least one", 1.0, float(count), 0.0 if count else 1.0, 0.0)]
+    if not count:
+        return rows
+    share = float(share_within(tensors, normal).max())
+    quantity = f"{name}: largest share of an event's potency that is not slip along the planes"
+    rows.append(Row(quantity, 0.0, share, share, allowed))
+    on_planes = float(np.concatenate([event["on_planes"].values for event in events]).min())
+    rows.append(
+        Row(f"{name}: least share of an event that its table puts on planes", 1.0, on_planes, 1.0 - on_planes, 0.0)
+    )
+    cell = float(variant.grid.attrs["fine_cell"])
+    off = float(np.maximum(np.abs((places - middle) @ normal) - half, 0.0).max() / cell)
+    rows.append(Row(f"{name}: farthest event outside the fault, cells", 0.0, off, off, 1.0))
+    work = sense(variant)
+    against = float(np.sum(work < 0.0) / len(work))
+    quantity = f"{name}: share of particles that slipped against the virgin shear stress"
+    rows.append(Row(quantity, 0.0, against, against, None, "mining turns the shear stress round beside the stope"))
+    return rows
+
+
+def sense(variant: Variant) -> np.ndarray:
+    """Work per volume of the virgin shear stress on the seismic strain of each particle that slipped, J/m3."""
+    given = variant.values["insitu_stress"]["constant"]
+    virgin = np.diag([given["xx"], given["yy"], given["zz"]])
+    normal = normal_of(variant.values["materials"]["fault"])
+    shear = (np.eye(3) - np.outer(normal, normal)) @ virgin @ normal
+    shear = np.outer(shear, normal) + np.outer(normal, shear)
+    voigt = np.array([shear[0, 0], shear[1, 1], shear[2, 2], 2 * shear[1, 2], 2 * shear[0, 2], 2 * shear[0, 1]])
+    strains = [variant.step(step)["seismic_strain"].values for step in variant.step_names]
+    return np.concatenate([strain[(strain != 0.0).any(axis=1)] @ voigt for strain in strains])
+
+
+def draw(results: Results) -> Figure:
+    """Events by step in the section, with fault and stopes."""
+    with style.applied():
+        figure = style.new_figure(height=5.0)
+        panels = figure.subplots(1, len(results.variants), squeeze=False)[0]
+        for axes, (name, variant) in zip(panels, results.variants.items(), strict=True):
+            axes.add_patch(Polygon(variant.values["rock_bodies"][0]["points"], facecolor=style.FILL))
+            for entry in variant.values["excavations"]:
+                (left, bottom), (right, top) = entry["lower"], entry["upper"]
+                corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+                axes.add_patch(Polygon(corners, facecolor=style.EXCAVATION, edgecolor=style.OUTLINE))
+            colours = style.step_colours([True] * len(variant.step_names))
+            for step, colour in zip(variant.step_names, colours, strict=True):
+                events = variant.events(step)
+                x, _, z = events["location"].values.T
+                size = 4.0 + 40.0 * np.sqrt(
+                    events["potency"].values / max(events["potency"].values.max(initial=0.0), 1e-30)
+                )
+                axes.scatter(x, z, s=size, color=colour, label=step, alpha=0.8)
+            axes.set(title=name, xlabel="x (m)", ylabel="z (m)", aspect="equal", xlim=(30, 100), ylim=(20, 100))
+            axes.legend()
+    return figure

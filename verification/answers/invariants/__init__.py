@@ -1,0 +1,280 @@
+"""Invariants that hold to round-off on any grid, and second order of convergence for a smooth field."""
+
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from common.voigt import NAMES, tensor_from_voigt, voigt_from_tensor
+from verification.answers.invariants.closed_form import Column, Elastic
+from verification.answers.invariants.figure import draw
+from verification.answers.invariants.operator import (
+    Solved,
+    fly,
+    model_of,
+    nodal_mass,
+    resultants,
+    rigid_motions,
+    solve_smooth,
+)
+from verification.results import Results, Variant
+from verification.rows import Row
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Rows of all variants that were run, and the figure."""
+    allowed, settings = results.allowed, results.settings
+    judge = {
+        "virgin": lambda name, variant: virgin_rows(name, variant, allowed["nothing"]),
+        "patch": lambda name, variant: patch_rows(name, variant, allowed["round_off"]),
+        "unloading": lambda name, variant: unloading_rows(name, variant, allowed["round_off"]),
+        "column": lambda name, variant: column_rows(name, variant, allowed["round_off"]),
+        "space": lambda name, variant: space_rows(name, variant, settings, allowed["round_off"]),
+    }
+    rows = []
+    for name, variant in results.variants.items():
+        kind = name.split("_")[0]
+        if kind in judge:
+            rows += judge[kind](name, variant)
+    exact = [row for row in rows if row.allowed]
+    series = smooth_series(results)
+    for kind, solved in series.items():
+        rows += order_rows(kind, solved, allowed["order"])
+    columns = {
+        name: (column_of(variant), *column_profile(variant))
+        for name, variant in results.variants.items()
+        if name.startswith("column")
+    }
+    return rows, draw(exact, columns, series)
+
+
+def smooth_series(results: Results) -> dict[str, list[Solved]]:
+    """Solutions of the smooth field on each series of grids that was run, by series and particles in a cell."""
+    smooth = results.settings["smooth"]
+    series = {}
+    for kind, names in smooth["series"].items():
+        there = [name for name in names if name in results.variants]
+        for per_edge in smooth["particles_per_edge"][kind] if len(there) > 1 else []:
+            count = per_edge ** results[there[0]].mine.dimension
+            label = f"{kind}, {count} particle{'s' if count > 1 else ''} per cell"
+            series[label] = [solve_smooth(results[name], smooth, per_edge) for name in there]
+    return series
+
+
+def share(found: np.ndarray, exact: np.ndarray) -> float:
+    """Largest error over the largest exact value."""
+    return float(np.abs(found - exact).max() / np.abs(exact).max())
+
+
+def error_row(quantity: str, error: float, allowed: float, remark: str = "") -> Row:
+    """A row for an error that must vanish."""
+    return Row(quantity, 0.0, error, abs(error), allowed, remark)
+
+
+def hanging(variant: Variant) -> str:
+    """Number of hanging nodes, for a remark."""
+    parents = variant.grid["node_parents"].values
+    return f"{int((parents[:, 0] >= 0).sum())} of {len(parents)} nodes hang"
+
+
+def virgin_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
+    """Virgin rock: exactly nothing moves, fails or changes its stress."""
+    moved = failed = 0.0
+    for state in (variant.elastic, *(variant.step(step) for step in variant.step_names)):
+        moved = max(moved, float(np.abs(state["node_displacement"].values).max()))
+        failed += float((state["failed"].values >= 0).sum())
+    insitu = variant.scene().insitu
+    last = variant.step(variant.step_names[-1])
+    virgin = insitu.at(last["position"].values[:, 2])
+    return [
+        error_row(f"{name}: largest displacement, m", moved, allowed, hanging(variant)),
+        error_row(f"{name}: failed particles", failed, allowed),
+        error_row(
+            f"{name}: largest change of stress, Pa", float(np.abs(last["stress"].values - virgin).max()), allowed
+        ),
+    ]
+
+
+def tensor(components: dict[str, float]) -> np.ndarray:
+    """Symmetric tensor (3, 3) of named components, others zero."""
+    return tensor_from_voigt([components.get(name, 0.0) for name in NAMES])
+
+
+def elastic(variant: Variant, material: str) -> Elastic:
+    """Moduli of a material of a variant."""
+    values = variant.values["materials"][material]
+    return Elastic(values["youngs_modulus"], values["poisson_ratio"])
+
+
+def patch_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
+    """Displacement and stress of a homogeneous strain."""
+    strain = tensor(variant.values["strains"][0]["strain"])
+    state = variant.elastic
+    place = variant.grid["node_position"].values
+    stress = np.tile(voigt_from_tensor(elastic(variant, "host").stress(strain)), (state.sizes["particle"], 1))
+    return [
+        error_row(
+            f"{name}: displacement, share of the largest",
+            share(state["node_displacement"].values, place @ strain),
+            allowed,
+            hanging(variant),
+        ),
+        error_row(f"{name}: stress, share of the largest", share(state["stress"].values, stress), allowed),
+        error_row(
+            f"{name}: unbalanced force, share of what the boundary carries",
+            float(state.attrs["unbalanced_ratio"]),
+            allowed,
+        ),
+    ]
+
+
+def unloading_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
+    """A free top loses the virgin traction: the rock rises linearly, and no vertical stress is left."""
+    rock, virgin = elastic(variant, "host"), tensor(variant.values["insitu_stress"]["constant"])
+    state = variant.elastic
+    place = variant.grid["node_position"].values
+    exact = np.zeros_like(place)
+    exact[:, 2] = -virgin[2, 2] * place[:, 2] / rock.confined_modulus
+    change = np.diag([rock.confined_ratio, rock.confined_ratio, 1.0]) * -virgin[2, 2]
+    stress = np.tile(voigt_from_tensor(virgin + change), (state.sizes["particle"], 1))
+    return [
+        error_row(
+            f"{name}: displacement, share of the largest",
+            share(state["node_displacement"].values, exact),
+            allowed,
+            f"{hanging(variant)}; {int(state.attrs['iterations'])} steps",
+        ),
+        error_row(f"{name}: stress, share of the largest", share(state["stress"].values, stress), allowed),
+    ]
+
+
+def column_of(variant: Variant) -> Column:
+    """The column of a variant; gravity is the vertical gradient of virgin stress over the density of the host."""
+    values = variant.values
+    materials, pour = values["materials"], values["excavations"][0]
+    weight = -values["insitu_stress"]["gradient"]["zz"]
+    return Column(
+        elastic(variant, "host"),
+        elastic(variant, "fill"),
+        rock_weight=weight,
+        fill_weight=weight * materials["fill"]["density"] / materials["host"]["density"],
+        joint=pour["lower"][-1],
+        top=pour["upper"][-1],
+    )
+
+
+def column_profile(variant: Variant) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Heights of nodes and their vertical displacement, heights of particles and their vertical stress."""
+    state = variant.elastic
+    there = state["volume"].values > 0.0
+    return (
+        variant.grid["node_position"].values[:, 2],
+        state["node_displacement"].values[:, 2],
+        state["position"].values[there, 2],
+        state["stress"].values[there, 2],
+    )
+
+
+def column_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
+    """Displacement at nodes, stress at centres of fill and of rock."""
+    column, state = column_of(variant), variant.elastic
+    place = variant.grid["node_position"].values
+    exact = np.zeros_like(place)
+    exact[:, 2] = column.displacement(place[:, 2])
+    there = state["volume"].values > 0.0
+    is_fill = state["excavation"].values >= 0
+    height = state["position"].values[:, 2]
+    lateral = column.fill.confined_ratio
+    fill = column.fill_stress(height[there & is_fill])[:, None] * np.array([lateral, lateral, 1.0])
+    ratio = column.rock.confined_ratio
+    virgin = variant.scene().insitu.at(height[there & ~is_fill])[:, :3]
+    rock = virgin + column.change * np.array([ratio, ratio, 1.0])
+    found = state["stress"].values
+    return [
+        error_row(
+            f"{name}: displacement at nodes, share of the largest",
+            share(state["node_displacement"].values, exact),
+            allowed,
+            f"{hanging(variant)}; {int(state.attrs['iterations'])} steps",
+        ),
+        error_row(
+            f"{name}: stress of the fill at centres, share of the largest",
+            share(found[there & is_fill], np.hstack([fill, np.zeros_like(fill)])),
+            allowed,
+        ),
+        error_row(
+            f"{name}: stress of the rock at centres, share of the largest",
+            share(found[there & ~is_fill], np.hstack([rock, np.zeros_like(rock)])),
+            allowed,
+        ),
+    ]
+
+
+def space_rows(name: str, variant: Variant, settings: dict, allowed: float) -> list[Row]:
+    """Rigid motions, totals of mass, force and moment, and momentum in flight."""
+    random = np.random.default_rng(settings["seed"])
+    model = model_of(variant)
+    remark = hanging(variant)
+    rows = [
+        error_row(f"{name}: force of a rigid {motion}, share of stiffness times motion", force, allowed, remark)
+        for motion, force in rigid_motions(model, random).items()
+    ]
+    force, moment = resultants(model, random)
+    rows.append(error_row(f"{name}: resultant of random stress, share of the forces' sum", force, allowed))
+    rows.append(error_row(f"{name}: moment of random stress, share of its terms' sum", moment, allowed))
+    particles = model.particles
+    density = np.array([material.density for material in model.scene.materials.values()])[particles.material]
+    carried = density * model.volumes(model.step)
+    center = (carried[:, None] * particles.position).sum(axis=0) / carried.sum()
+    mass, nodal_center = nodal_mass(model)
+    rows.append(
+        Row.relative(f"{name}: mass at the nodes, rho V of what bears, kg", float(carried.sum()), mass, allowed)
+    )
+    rows.append(
+        error_row(
+            f"{name}: centre of the mass at the nodes, share of the width",
+            float(np.abs(nodal_center - center).max() / (model.grid.shape.max() * model.grid.fine_cell)),
+            allowed,
+        )
+    )
+    flight = fly(variant, random, settings["moving_steps"], settings["moving_reach"])
+    remark = f"{flight.cell_changes} changes of cell in {settings['moving_steps']} steps"
+    rows.append(
+        error_row(
+            f"{name}: momentum of moving particles, drift as share of the sum of sizes",
+            flight.momentum,
+            allowed,
+            remark,
+        )
+    )
+    rows.append(error_row(f"{name}: mass at the nodes while particles move, drift", flight.mass, allowed))
+    return rows
+
+
+def order_rows(kind: str, solved: list[Solved], least: float) -> list[Row]:
+    """Rows of the least order of convergence of all halvings. Stress has no bound."""
+    rows = []
+    for quantity, required in (("displacement", least), ("stress", None)):
+        errors = [getattr(one, quantity) for one in solved]
+        orders = [
+            float(np.log(a / b) / np.log(one.cell / two.cell))
+            for (a, b), (one, two) in zip(pairwise(errors), pairwise(solved), strict=True)
+        ]
+        worst = min(orders)
+        remark = (
+            f"L2 errors {', '.join(f'{error:.2e}' for error in errors)}; by halving "
+            f"{', '.join(f'{order:.2f}' for order in orders)}; {solved[-1].cells} cells at last"
+        )
+        cells = f"finest cells {solved[0].cell:g} to {solved[-1].cell:g} m"
+        bound = {} if required is None else {"allowed": 0.0}
+        rows.append(
+            Row(
+                f"{kind}: order of convergence of {quantity}, least of all halvings, {cells}",
+                required or 1.0,
+                worst,
+                max(0.0, (required or 1.0) - worst),
+                remark=remark,
+                **bound,
+            )
+        )
+    return rows

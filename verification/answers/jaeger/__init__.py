@@ -1,0 +1,84 @@
+"""Specimens with weak planes under axial compression, against Jaeger's strength by the angle of the planes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from common.voigt import tensor_from_voigt
+from verification.answers.fault.planes import normal_of, share_within
+from verification.answers.jaeger.closed_form import jaeger_strength
+from verification.results import Results, Variant
+from verification.rows import Row
+
+MPA = 1e-6
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """One variant in flow. angle: degrees; expected, found: strengths, Pa; slips: whether its planes should slip.
+
+    brittle: whether strength drops. within: share of plastic strain that is no slip along the planes.
+    """
+
+    angle: float
+    expected: float
+    found: float
+    slips: bool
+    brittle: bool
+    within: float
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Rows and figure of the study."""
+    specimens = {name: read_specimen(variant) for name, variant in results.variants.items()}
+    rows = []
+    for name, specimen in specimens.items():
+        quantity = f"{name}: axial less lateral compression in flow, MPa"
+        values = specimen.expected * MPA, specimen.found * MPA
+        remark = "planes slip" if specimen.slips else "rock fails"
+        rows.append(Row.relative(quantity, *values, results.allowed["strength"], remark))
+        if specimen.slips:
+            quantity = f"{name}: plastic strain within the planes or across them, share of it"
+            rows.append(Row(quantity, 0.0, specimen.within, specimen.within, results.allowed["within"]))
+    return rows, draw(results, specimens)
+
+
+def strengths(material: dict, state: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Cohesion Pa and friction angle, degrees, of rock and planes that are "intact" or "residual"."""
+    rock, planes = ((part["cohesion"][state], part["friction_angle"][state]) for part in (material, material["planes"]))
+    return rock, planes
+
+
+def read_specimen(variant: Variant) -> Specimen:
+    """The only particle after the last step."""
+    material = variant.values["materials"]["host"]
+    state = variant.step(variant.step_names[-1])
+    confinement = -variant.values["insitu_stress"]["constant"]["xx"]
+    expected, slips = jaeger_strength(material["planes"]["dip"], confinement, *strengths(material, "residual"))
+    lateral, _, axial, *_ = state["stress"].values[0]
+    strain = tensor_from_voigt(state["plastic_strain"].values[0])
+    brittle = strengths(material, "intact") != strengths(material, "residual")
+    within = share_within(strain, normal_of(material))
+    return Specimen(material["planes"]["dip"], expected, float(lateral - axial), slips, brittle, float(within))
+
+
+def draw(results: Results, specimens: dict[str, Specimen]) -> Figure:
+    """Strength over the angle between the axis and the planes' normal."""
+    variant = next(iter(results.variants.values()))
+    material, confinement = variant.values["materials"]["host"], -variant.values["insitu_stress"]["constant"]["xx"]
+    with style.applied():
+        figure = style.new_figure(height=4.0)
+        axes = figure.subplots()
+        angles = np.linspace(0.0, 90.0, 361)
+        curve = [jaeger_strength(angle, confinement, *strengths(material, "intact"))[0] for angle in angles]
+        axes.plot(angles, np.array(curve) * MPA, color=style.OUTLINE, label="Jaeger (1960)")
+        for brittle, colour, label in ((False, style.MODELLED, "cell in flow"), (True, style.RECORDED, "after a drop")):
+            chosen = [specimen for specimen in specimens.values() if specimen.brittle == brittle]
+            found = [specimen.found * MPA for specimen in chosen]
+            axes.plot([specimen.angle for specimen in chosen], found, "o", color=colour, label=label)
+        axes.set(xlabel="angle from the axis to the planes' normal (degrees)", ylabel="axial less lateral (MPa)")
+        axes.set_ylim(bottom=0.0)
+        axes.legend()
+    return figure

@@ -1,0 +1,91 @@
+"""What particles that move through the grid change (solver.move, paper section 2.2), beside particles that rest."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from verification.answers.schemes import QUANTITIES, Means
+from verification.answers.schemes.runs import Pairs, read_pairs
+from verification.results import Results, Variant
+from verification.rows import Row
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Rows and figure of the study."""
+    settings, allowed = results.settings, results.allowed
+    rows, closures = elastic_rows(results)
+    resting, moving = (results[name] for name in settings["brittle"])
+    pairs = read_pairs((resting, moving), settings["increments"])
+    rows += brittle_rows(f"brittle, {settings['judged']}", pairs, allowed["standard_errors"])
+    return rows, draw(resting, closures, pairs, settings["increments"])
+
+
+def elastic_rows(results: Results) -> tuple[list[Row], list[tuple[float, float]]]:
+    """Closure with moving particles beside that with resting ones, and the order of their difference.
+
+    Returns the rows, and for each rock the closure (m) with resting particles and the share that it differs by.
+    """
+    settings, allowed = results.settings, results.allowed
+    rows, closures = [], []
+    for rock, (resting, moving) in settings["elastic"].items():
+        first, other = (wall_closure(results[name]) for name in (resting, moving))
+        closures.append((first, abs(other / first - 1.0)))
+        bound = allowed["closure"] if rock == settings["judged"] else None
+        remark = f"{results[moving].elastic.attrs['cell_changes']} particles changed their cell"
+        quantity = f"elastic, {rock}: closure of the wall with moving particles, mm"
+        rows.append(Row.relative(quantity, 1e3 * first, 1e3 * other, bound, remark))
+    (small, least), *_, (large, most) = closures
+    order = float(np.log(most / least) / np.log(large / small))
+    quantity = "elastic: order of the difference in the closure, stiffest to softest rock"
+    return [*rows, Row(quantity, 1.0, order, abs(order - 1.0), allowed["order"])], closures
+
+
+def brittle_rows(scene: str, pairs: Pairs, allowed: float) -> list[Row]:
+    """Differences of the means of all runs, in standard errors; b only where every run has enough events."""
+    rows = []
+    for key, (name, _) in QUANTITIES.items():
+        if key == "b" and not pairs.has_b:
+            continue
+        means = Means(*pairs.values(key))
+        remark = f"means {means.first.mean():.4g} resting, {means.other.mean():.4g} moving, {pairs.count} runs each"
+        quantity = f"{scene}: {name}, difference of the means in standard errors"
+        rows.append(Row(quantity, 0.0, means.apart, means.apart, allowed, remark))
+    return rows
+
+
+def wall_closure(variant: Variant) -> float:
+    """Mean inward displacement of the particles within one cell of the wall of a circular hole, m.
+
+    The particles are chosen by the places at which they start, which are the same whether they move or not.
+    """
+    state, hole = variant.elastic, variant.mine.grid_slice()["excavations"][0]
+    displacement = state.displacement.values[:, :2]
+    start = state.position.values[:, :2] - (displacement if variant.values["solver"]["move"] else 0.0)
+    offset = start - hole["center"]
+    distance = np.hypot(*offset.T)
+    volume = state.volume.values
+    beside = (volume > 0.0) & (distance < hole["radius"] + float(variant.grid.attrs["fine_cell"]))
+    inward = -(displacement * offset).sum(axis=1) / distance
+    return float(np.average(inward[beside], weights=volume[beside]))
+
+
+def draw(brittle: Variant, closures: list[tuple[float, float]], pairs: Pairs, increments: list[int]) -> Figure:
+    """Difference of the closure against the closure in cells; potency of the brittle runs by their increments."""
+    figure = style.new_figure(height=3.4)
+    elastic, runs = figure.subplots(1, 2)
+    closure, difference = np.array(closures).T
+    in_cells = closure / float(brittle.grid.attrs["fine_cell"])
+    elastic.loglog(in_cells, difference, "o", color=style.MODELLED, label="moving beside resting particles")
+    first_order = difference[0] * in_cells / in_cells[0]
+    elastic.loglog(in_cells, first_order, color=style.OUTLINE, linewidth=0.8, label="first order")
+    elastic.set(title="elastic", xlabel="closure of the wall (cells)", ylabel="difference of the closure (share)")
+    looks = zip(pairs.runs.items(), "os", (style.OUTLINE, style.MODELLED), strict=True)
+    for (name, values), marker, colour in looks:
+        label = f"{name.split('_')[0]} particles"
+        runs.plot(increments, [run.potency for run in values], marker, color=colour, label=label)
+    runs.set(title="brittle", xlabel="increments of the run", ylabel="seismic potency (m³)")
+    runs.set_ylim(bottom=0.0)
+    for panel in (elastic, runs):
+        panel.grid(color="#e2e2e2", linewidth=0.6)
+        panel.legend()
+    return figure

@@ -1,0 +1,169 @@
+"""Openings of any shape and place on cells of each accuracy, against cells finer than all of these."""
+
+import itertools
+import json
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from catalogs.compare.grid_convergence import share_off
+from common.voigt import tensor_from_voigt
+from mpm_core.equilibrium.increments import potency
+from mpm_core.stages.grid_stage import MIN_WHOLE_CELL_SHARE_ACCEPTED
+from verification.cavities.inclusion import Elastic, SphericalInclusion
+from verification.page_tables import Pivot
+from verification.results import Results, Variant
+from verification.rows import Row
+
+TABLES = (
+    Pivot(
+        "Error against the finest cells (%)",
+        r"(?P<row>\w+), (?P<column>(?:draft|standard|fine): (?:energy|potency|volume)), (?:J|m3)",
+        "change, %",
+    ),
+    Pivot(
+        "Energy of slots against fine cells (%)",
+        r"slot, (?P<row>dip \d+), (?P<column>\w+ cells? across): energy, J",
+        "change, %",
+    ),
+)
+
+STEP = "history"
+MEASURES = {"energy": "J", "potency": "m3", "volume": "m3"}
+TITLES = {"energy": "energy set in motion, elastic", "potency": "seismic potency", "volume": "volume of failed rock"}
+MARKS = {"draft": "s", "standard": "o", "fine": "^"}
+
+
+@dataclass(frozen=True)
+class Found:
+    """Results of one run.
+
+    energy: set in motion in elastic rock when its openings are mined at once (half the work of the removed support), J.
+    potency, volume: of failed rock, m3. whole: least share of an opening in whole cells. seconds: processor time of its
+    stages without compiling, s.
+    """
+
+    energy: float
+    potency: float
+    volume: float
+    whole: float
+    seconds: float
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Errors by scene and accuracy, r.m.s. errors of each accuracy, the sphere's energy, the slots; a figure."""
+    settings, allowed = results.settings, results.allowed
+    names = [f"{scene}_{size}" for scene in settings["scenes"] for size in settings["sizes"]]
+    found = {name: measure(results[name]) for name in names}
+    *sizes, finest = settings["sizes"]
+    rows, errors = [], {}
+    for scene in settings["scenes"]:
+        truth = found[f"{scene}_{finest}"]
+        for size in sizes:
+            run = found[f"{scene}_{size}"]
+            told = f"{run.whole:.2f} of it in whole cells, {run.seconds:.0f} s"
+            for name, unit in MEASURES.items():
+                bound = allowed[name] if size == settings["judged"] else None
+                true, value = getattr(truth, name), getattr(run, name)
+                errors[scene, size, name] = value / true - 1.0
+                rows.append(Row.relative(f"{scene}, {size}: {name}, {unit}", true, value, bound, told))
+    for size in sizes:
+        for name in MEASURES:
+            values = np.array([errors[scene, size, name] for scene in settings["scenes"]])
+            told = f"{100 * values.min():+.1f} to {100 * values.max():+.1f} %"
+            quantity = f"{size}: {name}, r.m.s. error over the scenes"
+            rows.append(Row(quantity, 0.0, _rms(values), _rms(values), None, told))
+    for size in settings["sizes"]:
+        sphere = f"{settings['sphere']}_{size}"
+        true = energy_of_sphere(results[sphere])
+        bound = allowed["energy"] if size == settings["judged"] else None
+        rows.append(Row.relative(f"{sphere}: energy of the closed form, J", true, found[sphere].energy, bound))
+    for coarse, fine in itertools.pairwise(sizes):
+        for name in ("potency", "volume"):
+            on_coarse, on_fine, on_finest = (
+                np.array([getattr(found[f"{scene}_{size}"], name) for scene in settings["scenes"]])
+                for size in (coarse, fine, finest)
+            )
+            rows += doubled(f"{fine} beside {coarse}: {name}", on_coarse, on_fine, on_finest, settings["holds"])
+    return rows + slots(results), draw(settings, errors)
+
+
+def doubled(name: str, coarse: np.ndarray, fine: np.ndarray, finest: np.ndarray, holds: float) -> list[Row]:
+    """Rows on what a run on cells of twice the size tells of numbers (scene,).
+
+    The first row is the share of scenes in which the report's uncertainty reaches to the finest cells; it must be at
+    least `holds`. The second is the error of numbers that are extrapolated from both cell sizes.
+    """
+    within = float(np.mean(np.abs(finest - fine) <= share_off(fine, coarse) * fine))
+    off = (2.0 * fine - coarse) / finest - 1.0
+    told = f"{100 * off.min():+.1f} to {100 * off.max():+.1f} %"
+    return [
+        Row(f"{name}, share of scenes within the report's bounds", holds, within, max(holds - within, 0.0), 0.0),
+        Row(f"{name} extrapolated, r.m.s. error over the scenes", 0.0, _rms(off), _rms(off), None, told),
+    ]
+
+
+def measure(variant: Variant) -> Found:
+    """Numbers of one run of a scene."""
+    state = variant.step(STEP)
+    failed = state.failed.values >= 0
+    every = potency(state.seismic_strain.values[failed], state.volume.values[failed])
+    seconds = [variant.processor_time(stage) or 0.0 for stage in ("grid", "elastic", f"steps/{STEP}")]
+    shares = json.loads(variant.grid.attrs["excavation_whole_share"])
+    return Found(
+        float(variant.elastic.attrs["energy_motion"]),
+        float(every.sum()),
+        float(state.volume.values[failed].sum()),
+        min(shares),
+        sum(seconds),
+    )
+
+
+def energy_of_sphere(variant: Variant) -> float:
+    """V s0 : e / 2 with the strain e of the wall (verification.energy_rows), J, stress as at the sphere's centre."""
+    hole, rock = variant.values["excavations"][0], variant.values["materials"]["host"]
+    virgin = tensor_from_voigt(variant.scene().insitu.at(np.array([hole["center"][2]])))[0]
+    exact = SphericalInclusion(hole["radius"], virgin, Elastic(rock["youngs_modulus"], rock["poisson_ratio"]))
+    return 2.0 / 3.0 * np.pi * hole["radius"] ** 3 * float((virgin * exact.strain_inside).sum())
+
+
+def slots(results: Results) -> list[Row]:
+    """Energy of dipping slots against the same on fine cells. A grid that would be refused has no bound."""
+    settings, allowed, rows = results.settings["slots"], results.allowed, []
+    for dip in settings["dips"]:
+        true = float(results[f"slot_{dip}_{settings['finest']}"].elastic.attrs["energy_motion"])
+        for size in settings["judged"]:
+            variant = results[f"slot_{dip}_{size}"]
+            share = min(json.loads(variant.grid.attrs["excavation_whole_share"]))
+            refused = share < MIN_WHOLE_CELL_SHARE_ACCEPTED
+            told = f"{share:.2f} of it in whole cells" + (": refused unless volume_error is 1" if refused else "")
+            value = float(variant.elastic.attrs["energy_motion"])
+            bound = None if refused else allowed[f"slots_{size}"]
+            across = f"{size} cell{'' if size == 'one' else 's'} across"
+            rows.append(Row.relative(f"slot, dip {dip}, {across}: energy, J", true, value, bound, told))
+    return rows
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def draw(settings: dict, errors: dict[tuple[str, str, str], float]) -> Figure:
+    """Signed errors by scene, a panel for each measure."""
+    figure = style.new_figure(height=3.8)
+    scenes = settings["scenes"]
+    for panel, (name, title) in zip(figure.subplots(1, len(TITLES), sharey=True), TITLES.items(), strict=True):
+        panel.axvline(0.0, color=style.OUTLINE, linewidth=0.8)
+        for size in settings["sizes"][:-1]:
+            values = [100 * errors[scene, size, name] for scene in scenes]
+            panel.plot(values, range(len(scenes)), MARKS[size], label=size)
+        panel.set_title(title)
+        panel.set_xlabel("error against the finest cells (%)")
+        panel.grid(axis="x", color="#e2e2e2", linewidth=0.6)
+    first = figure.axes[0]
+    first.set_yticks(range(len(scenes)), [scene.replace("_", " ") for scene in scenes])
+    first.invert_yaxis()
+    figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=len(MARKS))
+    return figure

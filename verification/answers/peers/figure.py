@@ -1,0 +1,101 @@
+"""Figure of the peers: holes as in the plastic studies, then the roof and the slope."""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from verification.answers.peers.log_spiral import Slope
+from verification.answers.peers.roof import lowering
+from verification.answers.peers.slope import limits, rests
+from verification.cavities.figure import BLOCK_HEIGHT, blocks_of, draw_block
+from verification.cavities.runs import Run
+from verification.results import Results, Variant
+
+LAST_ROW_HEIGHT = 3.6  # Height of the row of roof and slope, inches.
+SHEAR_COLOUR_LIMITS = 1e-3, 1e-1  # Plastic shear that the colours of the slope span.
+MIN_DRAWN_SHEAR = 1e-12  # Stands for no plastic shear on the logarithmic scale.
+SPIRAL_MARGIN = 4.0  # Ground shown around the spiral, m.
+AXIS_TOP = 1e7  # End of the axis of iterations: the legend covers no point.
+
+
+def draw(results: Results, runs: list[Run]) -> Figure:
+    """Blocks of holes, and a row of roof and slope."""
+    settings = results.settings
+    columns = [(run.name, [run]) for run in runs]
+    blocks = blocks_of(columns)
+    roofs = {name: printed for name, printed in settings["roof"].items() if name in results.variants}
+    slopes = [name for name in settings["slope"]["factors"] if name in results.variants]
+    panels = len(roofs) + 2 * bool(slopes)
+    heights = [BLOCK_HEIGHT] * len(blocks) + [LAST_ROW_HEIGHT] * bool(panels)
+    figure = style.new_figure(height=sum(heights))
+    parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    for part, block in zip(parts, blocks, strict=False):
+        draw_block(part, block)
+    if panels:
+        axes = list(parts[-1].subplots(1, panels, squeeze=False)[0])
+        for name, printed in roofs.items():
+            roof(axes.pop(0), results[name], printed)
+        if slopes:
+            band(parts[-1], axes.pop(0), results, slopes)
+            work(axes.pop(0), results, slopes)
+    return figure
+
+
+def roof(axes, variant: Variant, printed: float) -> None:
+    """Subsidence of surface and roof along the panel."""
+    panel, top = variant.values["excavations"][0]["upper"], variant.values["domain"]["upper"]
+    for name, height, reach, colour in (
+        ("surface", top[1], top[0], style.MODELLED),
+        ("roof", panel[1], panel[0], style.BOTH),
+    ):
+        x = np.linspace(0.0, reach, 200)
+        axes.plot(x, lowering(variant, height, x), color=colour, label=name)
+    axes.axhline(printed, color=style.RECORDED, linestyle="--", label="printed for the roof")
+    axes.invert_yaxis()
+    axes.legend()
+    axes.set(title="MOOSE's panel", xlabel="from the middle of the panel (m)", ylabel="came down (m)")
+
+
+def band(part, axes, results: Results, names: list[str]) -> None:
+    """Plastic shear at the largest factor with an equilibrium, and the critical log spiral."""
+    settings, (stands, _) = results.settings["slope"], limits(results)
+    name = next((one for one in names if settings["factors"][one] == stands), names[0])
+    variant = results[name]
+    state, grid = variant.step(variant.step_names[-1]), variant.grid
+    there = state.volume.values > 0.0
+    cell = state.cell.values[there]
+    strain = state.plastic_strain.values[there]
+    shear = np.sqrt(2.0 * (strain**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    corner, size = grid.cell_origin.values[cell][:, [0, 2]], grid.cell_size.values[cell]
+    drawn = PolyCollection(
+        corner[:, None] + size[:, None, None] * square, array=np.maximum(shear, MIN_DRAWN_SHEAR),
+        norm="log", clim=SHEAR_COLOUR_LIMITS,
+        cmap=colormaps["viridis_r"].with_extremes(under=style.FILL), rasterized=True,
+    )  # fmt: skip
+    axes.add_collection(drawn)
+    part.colorbar(drawn, ax=axes, label="plastic shear", orientation="horizontal", shrink=0.8, extend="both")
+    toe = np.array(variant.values["excavations"][0]["points"][1])
+    spiral = Slope(**settings["rock"]).spiral().points() + toe
+    axes.plot(*spiral.T, color=style.RECORDED, linestyle="--")
+    low, high = spiral.min(axis=0) - SPIRAL_MARGIN, spiral.max(axis=0) + SPIRAL_MARGIN
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x (m)", ylabel="z (m)")
+    axes.set_title(f"slope at {settings['factors'][name]:g} (dashed: log spiral)")
+
+
+def work(axes, results: Results, names: list[str]) -> None:
+    """Iterations by factor with and without an equilibrium, Newton steps of the peer, and the limits as lines."""
+    settings = results.settings["slope"]
+    for at_rest, look, label in ((True, "o", "ours, comes to rest"), (False, "x", "ours, finds no rest")):
+        some = [name for name in names if rests(results[name]) == at_rest]
+        iterations = [results[name].step(results[name].step_names[-1]).attrs["iterations"] for name in some]
+        axes.semilogy([settings["factors"][name] for name in some], iterations, look, color=style.MODELLED, label=label)
+    axes.semilogy(*zip(*settings["newton"].items(), strict=True), ".", color=style.RECORDED, label="their Newton steps")
+    bound = Slope(**settings["rock"]).limit()
+    axes.axvline(settings["limit"], color=style.RECORDED, linewidth=0.8, label="their limit")
+    axes.axvline(bound, color=style.OUTLINE, linestyle="--", linewidth=0.8, label="log spiral")
+    axes.set_ylim(top=AXIS_TOP)
+    axes.legend(loc="upper left")
+    axes.set(title="iterations to rest", xlabel="factor of strength")

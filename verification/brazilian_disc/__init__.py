@@ -1,1 +1,0 @@
-"""The Brazilian disc in plane strain: crack, peak load, events."""

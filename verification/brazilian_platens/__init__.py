@@ -1,1 +1,0 @@
-"""The Brazilian disc in 3-D, between platens."""

@@ -1,1 +1,0 @@
-"""A brittle row of cells."""

@@ -1,1 +1,0 @@
-"""Events of known families and clusters."""

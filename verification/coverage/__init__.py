@@ -1,1 +1,0 @@
-"""Coverage of the stated intervals in cases as mines have them."""

@@ -1,1 +1,0 @@
-"""Domains that follow from their openings."""

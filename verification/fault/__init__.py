@@ -1,1 +1,0 @@
-"""A stope beside a fault."""

@@ -1,1 +1,0 @@
-"""Hoek-Brown rock around a tunnel with pressure inside."""

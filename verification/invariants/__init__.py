@@ -1,1 +1,0 @@
-"""Invariants of every grid: patch tests, totals, the operator."""

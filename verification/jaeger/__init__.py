@@ -1,1 +1,0 @@
-"""Strength of rock with weak planes against their angle."""

@@ -1,1 +1,0 @@
-"""A hole in an elastic plate."""

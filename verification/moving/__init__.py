@@ -1,1 +1,0 @@
-"""Particles that move through the grid beside particles that rest."""

@@ -1,1 +1,0 @@
-"""Errors of each accuracy around openings of any shape and place."""

@@ -1,1 +1,0 @@
-"""Cases that other codes ship, with their published numbers."""

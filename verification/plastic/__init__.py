@@ -1,1 +1,0 @@
-"""Tunnels and cavities in plastic and in brittle rock."""

@@ -1,1 +1,0 @@
-"""Cells and increments that are chosen by the rock."""

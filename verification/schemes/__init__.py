@@ -1,1 +1,0 @@
-"""Both schemes on the same mine."""

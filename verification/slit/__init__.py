@@ -1,1 +1,0 @@
-"""A slit on elastic gob."""

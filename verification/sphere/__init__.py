@@ -1,1 +1,0 @@
-"""Elastic spheres, empty and filled."""

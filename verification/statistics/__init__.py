@@ -1,1 +1,0 @@
-"""Every statistic of a catalogue against known truth."""

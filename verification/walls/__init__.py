@@ -1,1 +1,0 @@
-"""Dependence of failure on the place of walls within their cells."""
