@@ -27,7 +27,7 @@ from common.source_tensors import (
 )
 from common.voigt import tensor_from_voigt
 from seismic.events import extract_events
-from verification.answers.clustering.known_steps import synthetic_step
+from verification.answers.clustering.known_truth import synthetic_step
 
 LAMBDA, MU = 20e9, 30e9
 SIX = arrays(np.float64, 6, elements=st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-6))

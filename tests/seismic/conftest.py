@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from verification.answers.clustering.known_steps import synthetic_step
+from verification.answers.clustering.known_truth import synthetic_step
 
 
 def scattered_step(seed=0, count=400, **attributes):

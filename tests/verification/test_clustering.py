@@ -14,7 +14,7 @@ from common.voigt import tensor_from_voigt
 from seismic.families import closeness
 from verification.answers import clustering
 from verification.answers.clustering.family_recovery import certainly_recovered, least_angle, recover
-from verification.answers.clustering.known_clusters import (
+from verification.answers.clustering.known_truth import (
     NOISE,
     balls,
     elongation,
@@ -22,8 +22,8 @@ from verification.answers.clustering.known_clusters import (
     index_of_clusters,
     make_points,
     share_of_noise_taken,
+    turned,
 )
-from verification.answers.clustering.known_steps import turned
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,7 @@ from hypothesis import strategies as st
 from running import run_study
 
 from common.costs import Costs
-from verification.answers.grids import make_rows
-from verification.answers.grids.figure import draw
-from verification.answers.grids.runs import at_error, difference, potency_by_block, read_runs, work
+from verification.answers.grids import at_error, difference, draw, make_rows, potency_by_block, read_runs, work
 from verification.pages import answer_tables
 from verification.tradeoff.runs import MIN_WORK
 

@@ -10,8 +10,7 @@ from running import run_study
 
 from verification.answers.kirsch import answer, displacement_rows, ring, stress_rows
 from verification.answers.kirsch.closed_form import BoxedPlate, InfinitePlate
-from verification.answers.kirsch.hole_fields import Rock
-from verification.answers.kirsch.series import extrapolated, interpolated, measure, order
+from verification.answers.kirsch.fields import Rock, extrapolated, interpolated, measure, order
 from verification.results import Results, Variant
 
 RADIUS, SHEAR, POISSON = 10.0, 2.8e9, 0.2103448275862069

@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.verification.running import run_study
 from verification.answers.moving import brittle_rows, elastic_rows
-from verification.answers.schemes.runs import Pairs, Run
+from verification.answers.schemes import Pairs, Run
 
 ELASTIC = ["resting_stiff", "moving_stiff", "resting_medium", "moving_medium", "resting_soft", "moving_soft"]
 

@@ -7,13 +7,11 @@ import pytest
 import yaml
 from running import DEFAULT, STUDIES, run_study
 
-from verification.answers.kirsch.hole_fields import Rock
+from verification.answers.kirsch.fields import Rock
 from verification.answers.peers import answer, return_rows, wall_rows
-from verification.answers.peers.cbgeo import particle_rows
 from verification.answers.peers.kratos import AS_STATED, cutoff_multipliers, ours
-from verification.answers.peers.log_spiral import Slope, worst_spiral
-from verification.answers.peers.roof import roof_rows, row_of_slits
-from verification.answers.peers.slope import limits, slope_rows
+from verification.answers.peers.printed import particle_rows, roof_rows, row_of_slits
+from verification.answers.peers.slope import Slope, limits, slope_rows, worst_spiral
 from verification.cavities.cavity import plastic_ring
 from verification.cavities.runs import read_run
 from verification.studies import load_study, merge

@@ -7,7 +7,7 @@ import pytest
 from running import run_study
 
 from verification.answers import brittle_row, plastic
-from verification.answers.brittle_row.closed_form import BrittleRow
+from verification.answers.brittle_row import BrittleRow
 from verification.cavities.coulomb import CoulombRock, PlasticSphere, PlasticTunnel
 
 RADIUS = 8.0

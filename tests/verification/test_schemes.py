@@ -13,9 +13,7 @@ from scipy.stats import ttest_ind, ttest_rel
 from common.errors import InputError
 from seismic.events import extract_events
 from verification.answers import schemes
-from verification.answers.schemes import runs as schemes_runs
-from verification.answers.schemes.figure import LABELS, draw
-from verification.answers.schemes.runs import Pairs, Run
+from verification.answers.schemes import LABELS, Pairs, Run, draw
 from verification.results import Variant
 from verification.rows import Row
 from verification.studies import load_study
@@ -119,16 +117,16 @@ def test_b_is_compared_from_one_cut_and_only_with_enough_events_in_every_run():
 def test_members_of_an_ensemble_are_read_not_computed(tmp_path, monkeypatch):
     """With `ensemble` in the scene its members' steps are those of the results' folder."""
     variant = run_study("schemes", tmp_path, ["brittle_tunnel_multigrid"])["brittle_tunnel_multigrid"]
-    states = schemes_runs.compute(schemes_runs.with_increments(variant.mine, 2), variant)
+    states = schemes.compute(schemes.with_increments(variant.mine, 2), variant)
     asked = []
 
     def read(path: str):
         asked.append(path)
         return states[path.endswith("mining.nc")]
 
-    monkeypatch.setattr(schemes_runs, "compute", None)
+    monkeypatch.setattr(schemes, "compute", None)
     variant.mine.settings = variant.mine.settings.model_copy(update={"ensemble": 2})
-    runs = list(schemes_runs.read_runs(Variant(variant.mine, read), []))
+    runs = list(schemes.read_runs(Variant(variant.mine, read), []))
     assert asked == [f"ensemble/{number}/steps/{step}.nc" for number in (1, 2) for step in ("history", "mining")]
     assert runs[0].failed_volume == states[-1].attrs["failed_volume"]
     budget = json.loads(extract_events(states[-1], variant.mine.event_slice())[0].attrs["budget"])

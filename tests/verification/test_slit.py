@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from running import run_study
 
-from verification.answers.slit import answer, closed_area, closure, exact_slit
-from verification.answers.slit.closed_form import Slit
+from verification.answers.slit import Slit, answer, closed_area, closure, exact_slit
 
 OPEN = Slit(half_width=120.0, pressure=14e6, modulus=16e9, spring=0.0)
 X = np.linspace(-120.0, 120.0, 25)

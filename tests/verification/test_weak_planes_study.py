@@ -7,8 +7,8 @@ import pytest
 from running import run_study
 
 from verification.answers import fault, jaeger
-from verification.answers.fault.planes import normal_of, share_within
-from verification.answers.jaeger.closed_form import jaeger_strength
+from verification.answers.fault import normal_of, share_within
+from verification.answers.jaeger import jaeger_strength
 
 ROCK, PLANE = (10e6, 40.0), (2e6, 30.0)
 

@@ -7,7 +7,7 @@ from verification.answers.plastic import TABLES
 from verification.cavities.figure import draw
 from verification.cavities.hoek_brown import HoekBrownTunnel
 from verification.cavities.runs import Run, brittle_groups, brittle_rows, perfect_rows, read_run
-from verification.energy_rows import closing_row
+from verification.comparisons import closing_row, truncated_row, vanishing
 from verification.results import Results
 from verification.rows import Row
 
@@ -27,14 +27,12 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     rows += [row for name, some in groups.items() for row in brittle_rows(name, some, settings["outer_radii"], allowed)]
     for run in standing:
         failed = float(run.cavity.volume[run.cavity.failed].sum())
-        rows.append(Row(f"{run.name}: rock that fails, m3", 0.0, failed, failed, 0.0))
+        rows.append(vanishing(f"{run.name}: rock that fails, m3", failed, 0.0))
     if len(ring := [runs[name] for name in settings["onset"] if name in runs]) > 1:
         rows.append(onset_row(ring, allowed["onset"]))
     every = [*runs.values(), *standing]
-    held = max(float(run.cavity.state.attrs["truncated_share"]) for run in every)
-    quantity = "all: rock above strength that coarse cells keep from failing, largest share of what fails"
-    rows.append(Row(quantity, 0.0, held, held, 0.0))
-    rows.append(closing_row("all", (run.cavity.state for run in every)))
+    states = [run.cavity.state for run in every]
+    rows += [truncated_row("all", states), closing_row("all", states)]
     return rows, draw(perfect, groups)
 
 

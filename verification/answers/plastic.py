@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 
 from verification.cavities.figure import draw
 from verification.cavities.runs import brittle_groups, brittle_rows, perfect_rows, read_run
-from verification.energy_rows import closing_row
+from verification.comparisons import closing_row, truncated_row
 from verification.page_tables import Pivot
 from verification.results import Results
 from verification.rows import Row
@@ -30,8 +30,6 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         rows += perfect_rows(run, outer, {} if run.name in results.settings["reported"] else allowed)
     for name, members in groups.items():
         rows += brittle_rows(name, members, outer, allowed)
-    held = max(float(run.cavity.state.attrs["truncated_share"]) for run in runs)
-    quantity = "all: rock above strength that coarse cells keep from failing, largest share of what fails"
-    rows.append(Row(quantity, 0.0, held, held, 0.0))
-    rows.append(closing_row("all", (run.cavity.state for run in runs)))
+    states = [run.cavity.state for run in runs]
+    rows += [truncated_row("all", states), closing_row("all", states)]
     return rows, draw(perfect, groups)

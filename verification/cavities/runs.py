@@ -11,6 +11,7 @@ import numpy as np
 from verification.cavities.cavity import Cavity, plastic_ring, read_pressure
 from verification.cavities.coulomb import PlasticRing, PlasticTunnel
 from verification.cavities.hoek_brown import HoekBrownTunnel
+from verification.comparisons import vanishing
 from verification.results import Variant
 from verification.rows import Row
 
@@ -93,19 +94,12 @@ def perfect_rows(run: Run, outer: float, allowed: dict[str, float]) -> list[Row]
     """Plastic radius, stresses and closure of one run whose strength does not drop."""
     cell, front = run.cavity.cell, run.theory.plastic_radius
     radius = run.cavity.failed_radius
-    rows = [
-        Row(
-            f"{run.name}: plastic radius from the failed volume, cells",
-            front / cell,
-            radius / cell,
-            abs(radius - front) / cell,
-            allowed.get("radius_cells"),
-        )
-    ]
+    quantity, off = f"{run.name}: plastic radius from the failed volume, cells", abs(radius - front) / cell
+    rows = [Row(quantity, front / cell, radius / cell, off, allowed.get("radius_cells"))]
     errors = run.stress_error(outer).tolist()
     for kind, error in zip(STRESSES[run.cavity.dimension], errors, strict=False):
         quantity = f"{run.name}: {kind} stress, a + 2 h to {outer:g} a, r.m.s. share of the far stress"
-        rows.append(Row(quantity, 0.0, error, error, allowed.get("stress")))
+        rows.append(vanishing(quantity, error, allowed.get("stress")))
     rows.append(closure_row(f"{run.name}: inward displacement of the wall, mm", run, allowed.get("closure")))
     if isinstance(run.theory, PlasticTunnel) and run.theory.edge_radius > run.theory.radius:
         classical = replace(run, theory=replace(run.theory, edge=False))
@@ -129,28 +123,17 @@ def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str,
     percentiles = np.array([run.percentile / cell for run in members])
     mean, farthest = float(percentiles.mean()), float(percentiles[np.abs(percentiles - front).argmax()])
     what = f"{name}: {RADIUS_PERCENTILE} % of the failed volume lie within, cells"
+    off, bound = abs(mean - front), allowed["brittle_radius_cells"]
     rows = [
-        Row(
-            f"{what}, mean of {len(members)} runs",
-            front,
-            mean,
-            abs(mean - front),
-            allowed["brittle_radius_cells"],
-            "" if abs(mean - front) <= allowed["brittle_radius_cells"] else BANDS,
-        ),
+        Row(f"{what}, mean of {len(members)} runs", front, mean, off, bound, "" if off <= bound else BANDS),
         Row(f"{what}, farthest from theory", front, farthest, abs(farthest - front)),
     ]
+    radial = f"radial stress, a + 2 h to {outer:g} a, r.m.s. share of the far stress"
     measures = {
         "share of theory's ring that failed": (1.0, [run.share for run in members]),
         "failed volume over that of theory's ring": (1.0, [run.failed_over_ring for run in members]),
-        "inward displacement of the wall over theory": (
-            1.0,
-            [run.closure / run.expected_closure for run in members],
-        ),
-        f"radial stress, a + 2 h to {outer:g} a, r.m.s. share of the far stress": (
-            0.0,
-            [run.stress_error(outer)[0] for run in members],
-        ),
+        "inward displacement of the wall over theory": (1.0, [run.closure / run.expected_closure for run in members]),
+        radial: (0.0, [run.stress_error(outer)[0] for run in members]),
     }
     for quantity, (expected, values) in measures.items():
         obtained = float(np.mean(values))
@@ -163,7 +146,7 @@ def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str,
     }
     for quantity, values in spreads.items():
         spread = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-        rows.append(Row(f"{name}: {quantity}, standard deviation over runs", 0.0, spread, spread))
+        rows.append(vanishing(f"{name}: {quantity}, standard deviation over runs", spread))
     return rows
 
 

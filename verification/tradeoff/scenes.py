@@ -10,8 +10,7 @@ from scipy.spatial.distance import cdist
 from catalogs.sources.sizes import estimate_b, log_potency
 from mpm_core.equilibrium.increments import potency
 from verification.answers.kirsch.closed_form import InfinitePlate
-from verification.answers.kirsch.hole_fields import Rock
-from verification.answers.kirsch.series import ANGLES, measure
+from verification.answers.kirsch.fields import ANGLES, Rock, measure
 from verification.answers.sphere import exact_field
 from verification.cavities.cavity import Cavity, plastic_ring, read_pressure
 from verification.results import Results, Variant

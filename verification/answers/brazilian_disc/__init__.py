@@ -7,6 +7,7 @@ from catalogs.sources.sizes import estimate_b, log_potency
 from verification.answers.brazilian_disc.crack import Crack, read_crack
 from verification.answers.brazilian_disc.elastic_rock import PressedDisc
 from verification.answers.brazilian_disc.figure import draw
+from verification.comparisons import reported, vanishing
 from verification.results import Results
 from verification.rows import Row
 
@@ -44,7 +45,7 @@ def elastic_rows(disc: PressedDisc, allowed: dict) -> list[Row]:
         rows.append(Row.relative(quantity, exact_stress[index] / load, stress[index] / load, allowed.get("centre")))
     error = disc.field_error()
     quantity = f"{disc.name}: in-plane stress within 0.9 R, r.m.s. error over r.m.s. of the stress"
-    rows.append(Row(quantity, 0.0, error, error, allowed.get("field")))
+    rows.append(vanishing(quantity, error, allowed.get("field")))
     if disc.flat:
         widened, exact_widening = disc.widening()
         quantity = f"{disc.name}: growth of the diameter across the load, um"
@@ -99,7 +100,7 @@ def crack_rows(disc: PressedDisc, crack: Crack[PressedDisc] | None, results: Res
     rows.append(Row(share, 1.0, near, 1.0 - near, allowed.get("near"), remark))
     angle = crack.opening_axis_angle(moment)
     quantity = f"{disc.name}: T axis of all potency until then, degrees from the normal of the loaded diameter"
-    rows.append(Row(quantity, 0.0, angle, angle, allowed.get("axis")))
+    rows.append(vanishing(quantity, angle, allowed.get("axis")))
     double_couple = events_mean(crack, "dc")
     expected = 1.0 / disc.dilation_factor
     rows.append(
@@ -153,13 +154,12 @@ def event_rows(crack: Crack, settings: dict) -> list[Row]:
 
 def cost_rows(disc: PressedDisc, crack: Crack | None) -> list[Row]:
     """Particles, time and memory, where the stages left logs."""
-    nothing = float("nan")
-    rows = [Row(f"{disc.name}: particles of rock", nothing, float(disc.present.sum()), nothing)]
+    rows = [reported(f"{disc.name}: particles of rock", float(disc.present.sum()))]
     for stage in ("elastic", *([f"steps/{crack.step}"] if crack else [])):
         seconds, memory = disc.variant.seconds(stage), disc.variant.peak_memory(stage)
         if seconds is not None:
             remark = f"{memory:.0f} MiB"
-            rows.append(Row(f"{disc.name}: wall time of {stage}, s", nothing, seconds, nothing, remark=remark))
+            rows.append(reported(f"{disc.name}: wall time of {stage}, s", seconds, remark))
     return rows
 
 

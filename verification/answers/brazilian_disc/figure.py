@@ -9,10 +9,10 @@ from catalogs.figures import style
 from catalogs.figures.beachballs import first_motion
 from verification.answers.brazilian_disc.crack import STAGE_COUNT, Crack, Moment
 from verification.answers.brazilian_disc.elastic_rock import PressedDisc
+from verification.plots import COLOURS, plot_series
 
 MPA, KILO, MILLI = 1e-6, 1e-3, 1e3
-ACROSS, ALONG, OUT = style.RECORDED, style.MODELLED, style.BOTH
-COLOURS = (style.MODELLED, style.RECORDED, style.BOTH, "#cc79a7")
+STRESSES = ("across the load", "along the load", "out of the plane")  # xx, yy and zz.
 OLDER, NEW = style.BEFORE_RECORD, "#000000"
 ARC_WIDTH = 2.5  # Width of the drawn load, mm.
 MIN_BALL_RADIUS, MAX_BALL_RADIUS = 1.4, 5.5  # Radii of beach balls, mm.
@@ -35,64 +35,65 @@ def draw(discs: dict[str, PressedDisc], cracks: dict[str, Crack | None], setting
     else:
         upper = figure
     stress, strength, growth = upper.subplots(1, 3)
-    draw_stress(stress, shown[0])
+    height, found = shown[0].along_diameter()
+    line = np.linspace(-1.0, 1.0, 401) * shown[0].disc.radius * 0.999
+    title = f"Loaded diameter at {KILO * shown[0].loading.before:.3g} kN"
+    draw_stress(stress, title, height, found.T, (line, shown[0].exact_along_diameter(line).T))
     draw_first_failure(strength, shown)
     draw_growth(growth, {name: found for name, found in cracks.items() if found and name not in settings["spread"]})
     return figure
 
 
-def draw_stress(axes: Axes, disc: PressedDisc) -> None:
-    """Stresses on the loaded diameter with Hondros' lines."""
-    height, found = disc.along_diameter()
-    line = np.linspace(-1.0, 1.0, 401) * disc.disc.radius * 0.999
-    exact = disc.exact_along_diameter(line)
-    names = {0: ("across the load", ACROSS), 1: ("along the load", ALONG), 2: ("out of the plane", OUT)}
-    for index, (name, colour) in names.items():
-        axes.plot(MILLI * line, MPA * exact[:, index], color=colour, linewidth=1.0)
-        axes.plot(MILLI * height, MPA * found[:, index], ".", color=colour, markersize=3.5, label=name)
-    axes.set_title(f"Loaded diameter at {KILO * disc.loading.before:.3g} kN")
-    axes.set_xlabel("height above the centre (mm)")
-    axes.set_ylabel("stress (MPa), lines exact")
-    axes.legend(loc="lower center")
+def draw_stress(axes: Axes, title: str, height: np.ndarray, found: np.ndarray, exact: tuple) -> None:
+    """Stresses on the loaded diameter with Hondros' lines.
+
+    found: at heights (k,) m, Pa, of each component of STRESSES; exact: heights and stresses of the lines.
+    """
+    line, stress = exact
+    plot_series(
+        axes,
+        {name: (MILLI * height, MPA * some) for name, some in zip(STRESSES, found, strict=False)},
+        {name: (MILLI * line, MPA * some) for name, some in zip(STRESSES, stress, strict=False)},
+        marks=".",
+        legend="lower center",
+        title=title,
+        xlabel="height above the centre (mm)",
+        ylabel="stress (MPa), lines Hondros",
+    )
 
 
 def draw_first_failure(axes: Axes, discs: list[PressedDisc]) -> None:
     """Load at which rock on the loaded diameter would reach strength, with the exact one."""
-    for disc, colour in zip(discs, COLOURS, strict=False):
-        height, found = disc.along_diameter()
+    found, lines, first = {}, {}, [disc.first_failure()[1] for disc in discs]
+    for disc in discs:
+        height, stress = disc.along_diameter()
         line = np.linspace(0.0, 0.97, 300) * disc.disc.radius
-        exact = disc.loading.before * disc.strength.load_factor(disc.exact_along_diameter(line))
-        load = disc.loading.before * disc.strength.load_factor(found)
-        axes.plot(MILLI * line, KILO * exact, color=colour, linewidth=1.0)
-        upper = (height >= 0.0) & (height < line[-1])
-        axes.plot(MILLI * height[upper], KILO * load[upper], ".", color=colour, markersize=3.5, label=disc.name)
-        first = disc.first_failure()[1]
-        axes.plot(MILLI * first.place[1], KILO * first.resultant, "v", color=colour, markersize=7)
-        axes.annotate(
-            f"{KILO * first.resultant:.2f} kN", (MILLI * first.place[1], KILO * first.resultant), (6, -8),
-            textcoords="offset points", ha="left", va="top", color=colour, fontsize=8.5,
-        )  # fmt: skip
-    lowest = min(disc.first_failure()[1].resultant for disc in discs)
-    axes.set_ylim(0.8 * KILO * lowest, 2.2 * KILO * lowest)
-    axes.set_title("Load of first failure")
-    axes.set_xlabel("height above the centre (mm)")
-    axes.set_ylabel("load (kN), lines exact")
-    axes.legend(loc="upper left")
+        upper, unit = (height >= 0.0) & (height < line[-1]), KILO * disc.loading.before
+        exact = disc.strength.load_factor(disc.exact_along_diameter(line))
+        found[disc.name] = MILLI * height[upper], unit * disc.strength.load_factor(stress)[upper]
+        lines[disc.name] = MILLI * line, unit * exact
+    labels = {"xlabel": "height above the centre (mm)", "ylabel": "load (kN), lines exact"}
+    plot_series(axes, found, lines, marks=".", legend="upper left", title="Load of first failure", **labels)
+    for place, colour in zip(first, COLOURS, strict=False):
+        at = MILLI * place.place[1], KILO * place.resultant
+        axes.plot(*at, "v", color=colour, markersize=7)
+        look = {"textcoords": "offset points", "va": "top", "color": colour, "fontsize": 8.5}
+        axes.annotate(f"{at[1]:.2f} kN", at, (6, -8), **look)
+    lowest = KILO * min(place.resultant for place in first)
+    axes.set_ylim(0.8 * lowest, 2.2 * lowest)
 
 
 def draw_growth(axes: Axes, cracks: dict[str, Crack]) -> None:
     """Span of the crack against the cells that have failed."""
-    for (name, crack), colour in zip(cracks.items(), COLOURS, strict=False):
+    growth = {}
+    for name, crack in cracks.items():
         cells = [moment.failed_cells for moment in crack.moments]
-        spans = [100.0 * moment.span for moment in crack.moments]
         label = f"{name}, {crack.text_of(crack.last_part)}"
-        axes.plot(cells, spans, ".-", color=colour, markersize=4, linewidth=0.8, label=label)
-    axes.set_title("Growth of the crack, by generation")
-    axes.set_xlabel("failed cells")
-    axes.set_ylabel("span (% of the loaded diameter)")
+        growth[label] = cells, [100.0 * moment.span for moment in crack.moments]
+    labels = {"xlabel": "failed cells", "ylabel": "span (% of the loaded diameter)"}
+    plot_series(axes, growth, marks=".-", title="Growth of the crack, by generation", **labels)
     if cracks:
-        axes.set_xscale("log")
-        axes.set_ylim(0.0, 105.0)
+        axes.set(xscale="log", ylim=(0.0, 105.0))
         axes.legend(loc="upper left")
     else:
         axes.text(0.5, 0.5, "no state of rest\nwith failed rock", ha="center", transform=axes.transAxes)
@@ -112,7 +113,7 @@ def draw_stages(figure: FigureBase, crack: Crack, stages: list[Moment] | None = 
         half = np.degrees(crack.disc.disc.half_arc)
         for middle in (90.0, 270.0):
             axes.add_patch(
-                Wedge((0, 0), radius + ARC_WIDTH, middle - half, middle + half, width=ARC_WIDTH, color=ALONG)
+                Wedge((0, 0), radius + ARC_WIDTH, middle - half, middle + half, width=ARC_WIDTH, color=style.RECORDED)
             )
         before = stages[number - 2].generation if number > 1 else -1
         for chosen, colour in (

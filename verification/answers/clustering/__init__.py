@@ -15,15 +15,18 @@ from seismic.events import extract_events
 from verification.answers.clustering.cracks import body_rows, crack_rows
 from verification.answers.clustering.family_recovery import family_rows, recover
 from verification.answers.clustering.figure import draw
-from verification.answers.clustering.known_clusters import (
+from verification.answers.clustering.known_truth import (
     PointSet,
     balls,
     elongations,
     index_of_clusters,
+    lognormal,
     make_points,
     share_of_noise_taken,
+    synthetic_step,
+    turned,
 )
-from verification.answers.clustering.known_steps import lognormal, synthetic_step, turned
+from verification.comparisons import reported, vanishing
 from verification.page_tables import Pivot
 from verification.results import Results
 from verification.rows import Row
@@ -135,7 +138,7 @@ def separation_rows(separations: dict[str, list[Separation]], settings: dict, al
             what = "elongation (longest over shortest deviation), mean of clusters"
             lengths.append(Row.relative(f"{where}: {what}", float(true), float(found), bound))
             share = float(np.mean([share_of_noise_taken(*each) for each in labels]))
-            taken.append(Row(f"{where}: share of scattered particles in a cluster with others", 0.0, share, share))
+            taken.append(vanishing(f"{where}: share of scattered particles in a cluster with others", share))
         rows += [*indices, *lengths, *(taken if "noise" in shape else [])]
     rows.append(_few_samples_row(separations, settings, allowed))
     return rows
@@ -154,12 +157,13 @@ def _few_samples_row(separations: dict[str, list[Separation]], settings: dict, a
             first = np.unique(label, return_index=True)[1]  # A cluster is named by its first particle.
             parts.append(np.where(resolved[label], first[label], -1))
         different += int(np.count_nonzero(parts[0] != parts[1]))
-    return Row(
+    return vanishing(
         f"all sets: particles whose resolved event differs between {linkage} and {few}",
-        0.0, float(different), float(different), allowed["exact"],
+        float(different),
+        allowed["exact"],
         "min_samples 3 (the default): a particle that is not dense has at most one neighbour, so it is the end of a "
         "chain and joins nothing; the two methods differ only from min_samples 4 on",
-    )  # fmt: skip
+    )
 
 
 def budget_rows(separations: dict[str, list[Separation]], settings: dict, allowed: dict) -> list[Row]:
@@ -191,14 +195,12 @@ def budget_rows(separations: dict[str, list[Separation]], settings: dict, allowe
             miss = np.abs(total - particles.sum(axis=0)) / np.abs(particles).sum(axis=0)
             worst[method] = max(worst[method], float(miss.max()))
             events[method] += found.sizes["event"]
+    what = "potency of events less that of particles, worst component over its sum of magnitudes"
+    scatter = f"events of mechanisms turned by up to {chosen['scatter']} degrees"
     return [
-        Row(
-            f"all sets, {method}: potency of events less that of particles, worst component over its sum of magnitudes",
-            0.0, miss, miss, allowed["budget"],
-            f"{events[method]} events of mechanisms turned by up to {chosen['scatter']} degrees",
-        )
+        vanishing(f"all sets, {method}: {what}", miss, allowed["budget"], f"{events[method]} {scatter}")
         for method, miss in worst.items()
-    ]  # fmt: skip
+    ]
 
 
 def time_methods(settings: dict) -> dict[str, list[tuple[int, float, str]]]:
@@ -233,17 +235,9 @@ def _why_not(cluster: dict, points: PointSet, chosen: dict) -> str:
 
 def time_rows(times: dict[str, list[tuple[int, float, str]]], settings: dict) -> list[Row]:
     """Seconds of each method and size, reported."""
-    rows = []
-    for method, line in times.items():
-        for (count, seconds, why), asked in zip(line, settings["timing"]["counts"], strict=True):
-            rows.append(
-                Row(
-                    f"time, {method}, {asked:,} particles, s",
-                    np.nan,
-                    seconds,
-                    np.nan,
-                    None,
-                    why or f"{count} particles",
-                )
-            )
-    return rows
+    counts = settings["timing"]["counts"]
+    return [
+        reported(f"time, {method}, {asked:,} particles, s", seconds, why or f"{count} particles")
+        for method, line in times.items()
+        for (count, seconds, why), asked in zip(line, counts, strict=True)
+    ]

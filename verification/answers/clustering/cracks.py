@@ -16,8 +16,7 @@ from common.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic.event_settings import EventSettings
 from seismic.events import find_events
 from seismic.regions import CORNERS, EDGES, FACES
-from verification.answers.clustering.known_clusters import index_of_clusters, make_points
-from verification.answers.clustering.known_steps import lognormal, turned
+from verification.answers.clustering.known_truth import index_of_clusters, lognormal, make_points, turned
 from verification.rows import Row
 
 # Distance from the middle of a crack to the nearest corner of a cell, cells. No crack runs along faces of cells.

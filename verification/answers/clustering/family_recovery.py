@@ -8,7 +8,7 @@ from sklearn.metrics import adjusted_rand_score
 
 from common.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic.families import closeness, find_families
-from verification.answers.clustering.known_steps import lognormal, turned
+from verification.answers.clustering.known_truth import lognormal, turned
 from verification.rows import Row
 
 RADIANS_PER_TURN = 2.0  # A turn by s moves the direction of a symmetric traceless tensor by at most 2 s.

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from catalogs.figures import style
 from verification.answers.clustering.family_recovery import Recovery
-from verification.answers.clustering.known_clusters import NOISE, PointSet, index_of_clusters
+from verification.answers.clustering.known_truth import NOISE, PointSet, index_of_clusters
+from verification.plots import plot_convergence
 
 UNCLUSTERED_COLOUR = "#b3b3b3"
 SLICE_HALF_THICKNESS = 2.0  # Cells that a slice shows on either side of the middle height.
-LINE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito (2008)
 
 
 def draw(separations: dict, families: Recovery, times: dict, mechanisms: int) -> Figure:
@@ -110,14 +110,8 @@ def _draw_table(
 
 def _draw_times(axes: Axes, times: dict) -> None:
     """Seconds against particles, logarithmic, with a line of slope 1."""
-    for (method, line), colour in zip(times.items(), LINE_COLOURS, strict=False):
-        count, seconds = np.array([(count, seconds) for count, seconds, _ in line]).T
-        run = np.isfinite(seconds)
-        axes.loglog(count[run], seconds[run], "o-", color=colour, markersize=4, label=method)
-    count = np.array(sorted({entry[0] for line in times.values() for entry in line}))
-    fastest = min(line[0][1] for line in times.values() if np.isfinite(line[0][1]))
-    axes.loglog(count, fastest * count / count[0], ":", color=style.OUTLINE, label="in proportion")
-    axes.set_xlabel("particles")
-    axes.set_ylabel("time (s)")
-    axes.set_title("Time to separate")
-    axes.legend()
+    lines = {
+        method: ([count for count, _, _ in line], [seconds for _, seconds, _ in line]) for method, line in times.items()
+    }
+    labels = {"title": "Time to separate", "xlabel": "particles", "ylabel": "time (s)"}
+    plot_convergence(axes, lines, 1.0, "in proportion", ticks=False, **labels)

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.figure import Figure
 
+from catalogs.figures import style
 from common.voigt import NAMES, tensor_from_voigt, voigt_from_tensor
 from verification.answers.invariants.closed_form import Column, Elastic
-from verification.answers.invariants.figure import draw
 from verification.answers.invariants.operator import (
     Solved,
     fly,
@@ -17,8 +17,12 @@ from verification.answers.invariants.operator import (
     rigid_motions,
     solve_smooth,
 )
+from verification.comparisons import vanishing
+from verification.plots import plot_convergence, plot_errors, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
+
+MIN_DRAWN_ERROR = 1e-18  # Errors of exactly zero are drawn here.
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
@@ -61,14 +65,14 @@ def smooth_series(results: Results) -> dict[str, list[Solved]]:
     return series
 
 
-def share(found: np.ndarray, exact: np.ndarray) -> float:
-    """Largest error over the largest exact value."""
-    return float(np.abs(found - exact).max() / np.abs(exact).max())
-
-
-def error_row(quantity: str, error: float, allowed: float, remark: str = "") -> Row:
-    """A row for an error that must vanish."""
-    return Row(quantity, 0.0, error, abs(error), allowed, remark)
+def share_rows(name: str, compared: dict[str, tuple], allowed: float, remark: str) -> list[Row]:
+    """Rows of the largest error of found and exact values, over the largest exact value. The first has the remark."""
+    rows = []
+    for what, (found, exact) in compared.items():
+        error = float(np.abs(found - exact).max() / np.abs(exact).max())
+        quantity = f"{name}: {what}, share of the largest"
+        rows.append(vanishing(quantity, error, allowed, "" if rows else remark))
+    return rows
 
 
 def hanging(variant: Variant) -> str:
@@ -87,9 +91,9 @@ def virgin_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     last = variant.step(variant.step_names[-1])
     virgin = insitu.at(last["position"].values[:, 2])
     return [
-        error_row(f"{name}: largest displacement, m", moved, allowed, hanging(variant)),
-        error_row(f"{name}: failed particles", failed, allowed),
-        error_row(
+        vanishing(f"{name}: largest displacement, m", moved, allowed, hanging(variant)),
+        vanishing(f"{name}: failed particles", failed, allowed),
+        vanishing(
             f"{name}: largest change of stress, Pa", float(np.abs(last["stress"].values - virgin).max()), allowed
         ),
     ]
@@ -112,19 +116,14 @@ def patch_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     state = variant.elastic
     place = variant.grid["node_position"].values
     stress = np.tile(voigt_from_tensor(elastic(variant, "host").stress(strain)), (state.sizes["particle"], 1))
+    compared = {
+        "displacement": (state["node_displacement"].values, place @ strain),
+        "stress": (state["stress"].values, stress),
+    }
+    left = f"{name}: unbalanced force, share of what the boundary carries"
     return [
-        error_row(
-            f"{name}: displacement, share of the largest",
-            share(state["node_displacement"].values, place @ strain),
-            allowed,
-            hanging(variant),
-        ),
-        error_row(f"{name}: stress, share of the largest", share(state["stress"].values, stress), allowed),
-        error_row(
-            f"{name}: unbalanced force, share of what the boundary carries",
-            float(state.attrs["unbalanced_ratio"]),
-            allowed,
-        ),
+        *share_rows(name, compared, allowed, hanging(variant)),
+        vanishing(left, float(state.attrs["unbalanced_ratio"]), allowed),
     ]
 
 
@@ -137,15 +136,11 @@ def unloading_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     exact[:, 2] = -virgin[2, 2] * place[:, 2] / rock.confined_modulus
     change = np.diag([rock.confined_ratio, rock.confined_ratio, 1.0]) * -virgin[2, 2]
     stress = np.tile(voigt_from_tensor(virgin + change), (state.sizes["particle"], 1))
-    return [
-        error_row(
-            f"{name}: displacement, share of the largest",
-            share(state["node_displacement"].values, exact),
-            allowed,
-            f"{hanging(variant)}; {int(state.attrs['iterations'])} steps",
-        ),
-        error_row(f"{name}: stress, share of the largest", share(state["stress"].values, stress), allowed),
-    ]
+    compared = {
+        "displacement": (state["node_displacement"].values, exact),
+        "stress": (state["stress"].values, stress),
+    }
+    return share_rows(name, compared, allowed, f"{hanging(variant)}; {int(state.attrs['iterations'])} steps")
 
 
 def column_of(variant: Variant) -> Column:
@@ -190,24 +185,12 @@ def column_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     virgin = variant.scene().insitu.at(height[there & ~is_fill])[:, :3]
     rock = virgin + column.change * np.array([ratio, ratio, 1.0])
     found = state["stress"].values
-    return [
-        error_row(
-            f"{name}: displacement at nodes, share of the largest",
-            share(state["node_displacement"].values, exact),
-            allowed,
-            f"{hanging(variant)}; {int(state.attrs['iterations'])} steps",
-        ),
-        error_row(
-            f"{name}: stress of the fill at centres, share of the largest",
-            share(found[there & is_fill], np.hstack([fill, np.zeros_like(fill)])),
-            allowed,
-        ),
-        error_row(
-            f"{name}: stress of the rock at centres, share of the largest",
-            share(found[there & ~is_fill], np.hstack([rock, np.zeros_like(rock)])),
-            allowed,
-        ),
-    ]
+    compared = {
+        "displacement at nodes": (state["node_displacement"].values, exact),
+        "stress of the fill at centres": (found[there & is_fill], np.hstack([fill, np.zeros_like(fill)])),
+        "stress of the rock at centres": (found[there & ~is_fill], np.hstack([rock, np.zeros_like(rock)])),
+    }
+    return share_rows(name, compared, allowed, f"{hanging(variant)}; {int(state.attrs['iterations'])} steps")
 
 
 def space_rows(name: str, variant: Variant, settings: dict, allowed: float) -> list[Row]:
@@ -216,38 +199,26 @@ def space_rows(name: str, variant: Variant, settings: dict, allowed: float) -> l
     model = model_of(variant)
     remark = hanging(variant)
     rows = [
-        error_row(f"{name}: force of a rigid {motion}, share of stiffness times motion", force, allowed, remark)
+        vanishing(f"{name}: force of a rigid {motion}, share of stiffness times motion", force, allowed, remark)
         for motion, force in rigid_motions(model, random).items()
     ]
     force, moment = resultants(model, random)
-    rows.append(error_row(f"{name}: resultant of random stress, share of the forces' sum", force, allowed))
-    rows.append(error_row(f"{name}: moment of random stress, share of its terms' sum", moment, allowed))
+    rows.append(vanishing(f"{name}: resultant of random stress, share of the forces' sum", force, allowed))
+    rows.append(vanishing(f"{name}: moment of random stress, share of its terms' sum", moment, allowed))
     particles = model.particles
     density = np.array([material.density for material in model.scene.materials.values()])[particles.material]
     carried = density * model.volumes(model.step)
     center = (carried[:, None] * particles.position).sum(axis=0) / carried.sum()
     mass, nodal_center = nodal_mass(model)
-    rows.append(
-        Row.relative(f"{name}: mass at the nodes, rho V of what bears, kg", float(carried.sum()), mass, allowed)
-    )
-    rows.append(
-        error_row(
-            f"{name}: centre of the mass at the nodes, share of the width",
-            float(np.abs(nodal_center - center).max() / (model.grid.shape.max() * model.grid.fine_cell)),
-            allowed,
-        )
-    )
+    quantity = f"{name}: mass at the nodes, rho V of what bears, kg"
+    rows.append(Row.relative(quantity, float(carried.sum()), mass, allowed))
+    off = float(np.abs(nodal_center - center).max() / (model.grid.shape.max() * model.grid.fine_cell))
+    rows.append(vanishing(f"{name}: centre of the mass at the nodes, share of the width", off, allowed))
     flight = fly(variant, random, settings["moving_steps"], settings["moving_reach"])
     remark = f"{flight.cell_changes} changes of cell in {settings['moving_steps']} steps"
-    rows.append(
-        error_row(
-            f"{name}: momentum of moving particles, drift as share of the sum of sizes",
-            flight.momentum,
-            allowed,
-            remark,
-        )
-    )
-    rows.append(error_row(f"{name}: mass at the nodes while particles move, drift", flight.mass, allowed))
+    quantity = f"{name}: momentum of moving particles, drift as share of the sum of sizes"
+    rows.append(vanishing(quantity, flight.momentum, allowed, remark))
+    rows.append(vanishing(f"{name}: mass at the nodes while particles move, drift", flight.mass, allowed))
     return rows
 
 
@@ -266,15 +237,48 @@ def order_rows(kind: str, solved: list[Solved], least: float) -> list[Row]:
             f"{', '.join(f'{order:.2f}' for order in orders)}; {solved[-1].cells} cells at last"
         )
         cells = f"finest cells {solved[0].cell:g} to {solved[-1].cell:g} m"
-        bound = {} if required is None else {"allowed": 0.0}
-        rows.append(
-            Row(
-                f"{kind}: order of convergence of {quantity}, least of all halvings, {cells}",
-                required or 1.0,
-                worst,
-                max(0.0, (required or 1.0) - worst),
-                remark=remark,
-                **bound,
-            )
-        )
+        quantity = f"{kind}: order of convergence of {quantity}, least of all halvings, {cells}"
+        wanted, bound = required or 1.0, None if required is None else 0.0
+        rows.append(Row(quantity, wanted, worst, max(0.0, wanted - worst), bound, remark))
     return rows
+
+
+def draw(rows: list[Row], columns: dict[str, tuple], series: dict[str, list[Solved]]) -> Figure:
+    """Errors against round-off, the column, and errors against cell size.
+
+    rows: those with an allowed error. columns: closed form and profile by variant. series: solutions by kind.
+    """
+    figure = style.new_figure(height=4.8)
+    left, middle, right = figure.subplots(1, 3)
+    kinds = list(dict.fromkeys(row.quantity.split("_")[0] for row in rows))
+    errors = {
+        variant: [
+            [max(row.error, MIN_DRAWN_ERROR) for row in rows if row.quantity.startswith(f"{kind}_{variant}")]
+            for kind in kinds
+        ]
+        for variant in ("section", "block")
+    }
+    errors["allowed"] = [next(row.allowed for row in rows if row.quantity.startswith(kind)) for kind in kinds]
+    what = "error, share of the largest term (0: 1e-18)"
+    plot_errors(left, kinds, errors, marks="os|", xscale="log", xlabel=what, title="Round-off: found, allowed")
+    found = {f"nodes, {name.split('_')[1]}": (1e3 * moved, nodes) for name, (_, nodes, moved, *_) in columns.items()}
+    exact = {}
+    if columns:
+        column = next(iter(columns.values()))[0]
+        z = np.linspace(0.0, column.top, 200)
+        exact = {"closed form": (1e3 * column.displacement(z), z)}
+        middle.axhline(column.joint, color=style.OUTLINE, linewidth=0.6, linestyle=":")
+        for name, side in (("fill", "bottom"), ("rock", "top")):
+            middle.annotate(name, (0.03, column.joint), xycoords=("axes fraction", "data"), va=side)
+    labels = {"xlabel": "vertical displacement (mm)", "ylabel": "height (m)", "title": "Column under its weight"}
+    plot_series(middle, found, exact, marks=("o", "s"), **labels)
+    lines = {}
+    for kind, solved in series.items():
+        cells = [one.cell for one in solved]
+        lines[f"displacement, {kind}"] = cells, [one.displacement for one in solved]
+        lines[f"stress, {kind}"] = cells, [one.stress for one in solved]
+    marks = [f"{mark}{line}" for mark in "osD^" for line in ("-", ":")]
+    labels = {"xlabel": "finest cell (m)", "ylabel": "L2 error, share of the field", "title": "Smooth field"}
+    plot_convergence(right, lines, 2.0, "h²", marks=marks, **labels)
+    right.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)
+    return figure

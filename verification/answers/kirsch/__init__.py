@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from verification.answers.kirsch.fields import ANGLES, Rock, order_rows, read_series, wall_rows
 from verification.answers.kirsch.figure import draw
-from verification.answers.kirsch.hole_fields import Rock, mean_square_root
-from verification.answers.kirsch.series import ANGLES, order_rows, read_series, wall_rows
+from verification.comparisons import mean_square_root, vanishing
 from verification.page_tables import Pivot
 from verification.results import Results
 from verification.rows import Row
@@ -53,7 +53,7 @@ def stress_rows(name: str, rock: Rock, allowed: float) -> list[Row]:
     """Errors of the stress by component."""
     errors = rock.stress_error(*ring(rock)).tolist()
     return [
-        Row(f"{name}: {component} stress, a + 2 h to 4 a, r.m.s. share of the far stress", 0.0, error, error, allowed)
+        vanishing(f"{name}: {component} stress, a + 2 h to 4 a, r.m.s. share of the far stress", error, allowed)
         for component, error in zip(COMPONENTS, errors, strict=True)
     ]
 
@@ -74,20 +74,20 @@ def displacement_rows(name: str, rock: Rock, closure: float, displacement: float
     wall = float(mean_square_root(np.abs(rock.wall_displacement(ANGLES) - exact)) / largest)
     around = rock.displacement_error(*ring(rock)) / largest
     share = "r.m.s. share of the wall's largest"
-    rows.append(Row(f"{name}: displacement of the wall at all angles, {share}", 0.0, wall, wall, displacement))
-    rows.append(Row(f"{name}: displacement, a + 2 h to 4 a, {share}", 0.0, around, around, displacement))
+    rows.append(vanishing(f"{name}: displacement of the wall at all angles, {share}", wall, displacement))
+    rows.append(vanishing(f"{name}: displacement, a + 2 h to 4 a, {share}", around, displacement))
     return rows
 
 
 def price_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
-    """Error, cells and work of the multi-level grid over those of the regular one."""
+    """Error, cells and work of the multi-level grid over those of the regular one, for which there is no theory."""
     if "regular" not in rocks:
         return []
     names = ("multilevel", "regular")
 
     def ratio(what: str, bound: str, both: list[float], remark: str) -> Row:
         share, most = both[0] / both[1], results.allowed[bound]
-        return Row(f"multilevel over regular: {what}", most, share, share, most, remark)
+        return Row(f"multilevel over regular: {what}", np.nan, share, share, most, remark)
 
     errors = [float(mean_square_root(rocks[name].stress_error(*ring(rocks[name]))[:2])) for name in names]
     remark = f"{100 * errors[0]:.3f} and {100 * errors[1]:.3f} %"
@@ -104,7 +104,7 @@ def price_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
 def tolerance_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
     """Largest unbalanced force, and the change of stress by a tighter tolerance."""
     left = max(float(results[name].elastic.attrs["unbalanced_ratio"]) for name in rocks)
-    rows = [Row("all: unbalanced force left at most, share of the excavation force", 0.0, left, left)]
+    rows = [vanishing("all: unbalanced force left at most, share of the excavation force", left)]
     if "tight" in results.variants:
         loose, tight = rocks["multilevel"], Rock(results["tight"])
         chosen = loose.between(*ring(loose))
@@ -114,5 +114,5 @@ def tolerance_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
         )
         tolerances = [results[name].values["solver"]["tolerance"] for name in ("multilevel", "tight")]
         quantity = f"multilevel: change of stress from tolerance {tolerances[0]:g} to {tolerances[1]:g}, r.m.s. share"
-        rows.append(Row(quantity, 0.0, share, share, results.allowed["tolerance"]))
+        rows.append(vanishing(quantity, share, results.allowed["tolerance"]))
     return rows

@@ -1,13 +1,16 @@
 """A single cell pressed or pulled along z through failure (paper, Fig. 13), against the hand calculation."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from catalogs.figures import style
 from verification.answers.one_particle.closed_form import Axial, Point, Specimen
-from verification.answers.one_particle.figure import draw
-from verification.answers.one_particle.path import Path
+from verification.comparisons import vanishing
 from verification.page_tables import Pivot
+from verification.plots import plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
 
@@ -18,6 +21,24 @@ TABLES = (
         "error",
     ),
 )
+
+MPA, PER_THOUSAND = 1e-6, 1e3
+
+
+@dataclass(frozen=True)
+class Path:
+    """One variant: points by hand (`exact`) and of the cell (`found`) after each step, and potency by step, m3."""
+
+    specimen: Specimen
+    exact: list[Point]
+    found: list[Point]
+    potency: list[float]
+    volume: float
+
+    @property
+    def pulled(self) -> bool:
+        """Whether the cell is pulled rather than pressed."""
+        return self.exact[0].strain.axial > 0
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
@@ -67,30 +88,17 @@ def path_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
     rows = [*elastic_rows(name, path, value), *peak_rows(name, path, allowed)]
     _, failed, _, last = path.exact
     _, past, *flowing = path.found
-    rows.append(
-        Row.relative(
-            f"{name}: axial stress after the brittle drop, at rest, MPa",
-            failed.stress.axial / 1e6,
-            past.stress.axial / 1e6,
-            value,
-        )
-    )
+    drop = f"{name}: axial stress after the brittle drop, at rest, MPa"
+    rows.append(Row.relative(drop, failed.stress.axial / 1e6, past.stress.axial / 1e6, value))
     strength, worst = last.stress.axial, max(flowing, key=lambda point: abs(point.stress.axial - last.stress.axial))
     rows.append(
         Row.relative(f"{name}: axial stress in residual flow, MPa", strength / 1e6, worst.stress.axial / 1e6, value)
     )
     for kind in ("overshoot", "seismic", "later"):
         exact, found = getattr(failed, kind), getattr(past, kind)
-        rows.append(
-            Row(
-                f"{name}: {kind} strain of the failing step, scalar",
-                exact.scalar,
-                found.scalar,
-                (found - exact).scalar / exact.scalar,
-                value,
-                "error of the tensor",
-            )
-        )
+        quantity = f"{name}: {kind} strain of the failing step, scalar"
+        error = (found - exact).scalar / exact.scalar
+        rows.append(Row(quantity, exact.scalar, found.scalar, error, value, "error of the tensor"))
     rows += flow_rows(name, path, allowed)
     rows += seismic_rows(name, path, value)
     for step, exact, found in zip(("failing step", "residual flow"), (failed, last), (past, flowing[-1]), strict=True):
@@ -119,54 +127,31 @@ def peak_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
     modulus = (before.stress.axial + specimen.pressure) / before.strain.axial
     strain = specimen.peak_strain(path.pulled)
     stress = specimen.youngs_modulus * strain - specimen.pressure
+    number, right = float(np.dot(failures, range(len(failures)))), failures == [False, True, False, False]
+    reached, bound = modulus * middle - specimen.pressure, allowed["bracket"]
     return [
-        Row(
-            f"{name}: number of the step of first and only failure",
-            1.0,
-            float(np.dot(failures, range(len(failures)))),
-            0.0 if failures == [False, True, False, False] else 1.0,
-            0.0,
-        ),
-        Row.relative(f"{name}: axial strain at peak, between two steps", strain, middle, allowed["bracket"]),
-        Row.relative(
-            f"{name}: axial stress at peak, between two steps, MPa",
-            stress / 1e6,
-            (modulus * middle - specimen.pressure) / 1e6,
-            allowed["bracket"],
-        ),
+        Row(f"{name}: number of the step of first and only failure", 1.0, number, 0.0 if right else 1.0, 0.0),
+        Row.relative(f"{name}: axial strain at peak, between two steps", strain, middle, bound),
+        Row.relative(f"{name}: axial stress at peak, between two steps, MPa", stress / 1e6, reached / 1e6, bound),
     ]
 
 
 def flow_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
     """Dilation in the last step, which is residual flow alone."""
     exact, found = path.exact[-1].later, path.found[-1].later
+    flow = "plastic strain in residual flow"
     if path.pulled:  # a crack that opens: only the axial strain is plastic
+        lateral = found.lateral / found.axial
         return [
-            Row.relative(f"{name}: axial plastic strain in residual flow", exact.axial, found.axial, allowed["value"]),
-            Row(
-                f"{name}: lateral plastic strain in residual flow, share of axial",
-                0.0,
-                found.lateral / found.axial,
-                abs(found.lateral / found.axial),
-                allowed["value"],
-            ),
+            Row.relative(f"{name}: axial {flow}", exact.axial, found.axial, allowed["value"]),
+            vanishing(f"{name}: lateral {flow}, share of axial", lateral, allowed["value"]),
         ]
-    expected = dilation_angle(exact)
-    obtained = dilation_angle(found)
+    ratios = [one.volumetric / one.axial for one in (exact, found)]
+    angles = [dilation_angle(one) for one in (exact, found)]
+    quantity = f"{name}: dilation angle in residual flow, degrees"
     return [
-        Row.relative(
-            f"{name}: volumetric over axial plastic strain in residual flow",
-            exact.volumetric / exact.axial,
-            found.volumetric / found.axial,
-            allowed["value"],
-        ),
-        Row(
-            f"{name}: dilation angle in residual flow, degrees",
-            expected,
-            obtained,
-            abs(obtained - expected),
-            allowed["angle"],
-        ),
+        Row.relative(f"{name}: volumetric over axial {flow}", *ratios, allowed["value"]),
+        Row(quantity, *angles, abs(angles[1] - angles[0]), allowed["angle"]),
     ]
 
 
@@ -186,5 +171,54 @@ def seismic_rows(name: str, path: Path, value: float) -> list[Row]:
     return [
         Row.relative(f"{name}: seismic share of the failing step's plastic strain", share(exact), share(found), value),
         Row.relative(f"{name}: potency of the event, m3", exact.seismic.scalar * path.volume, path.potency[1], value),
-        Row(f"{name}: potency of other steps, m3", 0.0, others, abs(others), 0.0),
+        vanishing(f"{name}: potency of other steps, m3", others, 0.0),
     ]
+
+
+def draw(paths: dict[str, Path]) -> Figure:
+    """Axial less lateral stress over axial strain, compression or tension up, and volume below; a column for each path.
+
+    Stress is axial less lateral, since the drop at constant strain changes the lateral stress as well.
+    """
+    figure = style.new_figure(height=5.6)
+    panels = figure.subplots(2, len(paths), squeeze=False, height_ratios=[2, 1], sharex="col")
+    for (upper, lower), (name, path) in zip(panels.T, paths.items(), strict=True):
+        draw_path(upper, lower, name, path)
+    panels[0, 0].set_ylabel("axial less lateral stress (MPa)")
+    panels[1, 0].set_ylabel("expansion (‰ of volume)")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    figure.supxlabel("axial shortening, pulled: stretching (‰)", fontsize=9.5)
+    return figure
+
+
+def draw_path(upper, lower, name: str, path: Path) -> None:
+    """Stress and volume of one path. The lines are elastic loading, the drop at constant strain, and residual flow."""
+    sign = 1.0 if path.pulled else -1.0
+    failed = next(point for point in path.exact if point.failed)
+    assert failed.peak is not None  # a calculated point that fails has both stresses
+    assert failed.dropped is not None
+
+    def along(points: list[tuple[float, Axial]]) -> tuple[list[float], list[float]]:
+        """Axial strains, per thousand, and axial less lateral stresses, MPa, both positive."""
+        strain = [sign * PER_THOUSAND * axial for axial, _ in points]
+        return strain, [sign * MPA * (stress.axial - stress.lateral) for _, stress in points]
+
+    peak, at = path.specimen.peak_strain(path.pulled), failed.strain.axial
+    rising = [(0.0, Axial(0.0, 0.0)), (peak, Axial(0.0, path.specimen.youngs_modulus * peak)), (at, failed.peak)]
+    after = [(at, failed.dropped), *((point.strain.axial, point.stress) for point in path.exact[1:])]
+    drop = along([(at, failed.peak), (at, failed.dropped)])
+    upper.plot(*drop, color=style.RECORDED, linewidth=3.5, label="brittle drop, seismic")
+    found = {"cell at rest, by step": along([(point.strain.axial, point.stress) for point in path.found])}
+    (x, y), (more_x, more_y) = along(rising), along(after)
+    title = f"{name}, {path.specimen.pressure * MPA:g} MPa around" if path.specimen.pressure else name
+    plot_series(upper, found, {"hand calculation": (x + more_x, y + more_y)}, legend=None, title=title)
+    upper.set(xlim=(0.0, None), ylim=(0.0, None))
+
+    def volume(points: list[Point]) -> tuple[list[float], list[float]]:
+        """Axial and volumetric strains, per thousand."""
+        strain = [sign * PER_THOUSAND * point.strain.axial for point in points]
+        return strain, [PER_THOUSAND * point.strain.volumetric for point in points]
+
+    x, y = volume(path.exact)
+    plot_series(lower, {"found": volume(path.found)}, {"by hand": ([0.0, *x], [0.0, *y])}, legend=None)
+    lower.axhline(0.0, color=style.OUTLINE, linewidth=0.5)

@@ -4,11 +4,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from verification.answers.hoek_brown import tunnel_of
-from verification.answers.kirsch.hole_fields import Rock
-from verification.answers.peers.cbgeo import particle_rows
+from verification.answers.kirsch.fields import Rock
 from verification.answers.peers.figure import draw
 from verification.answers.peers.kratos import AS_STATED, CASES, Return, cutoff_multipliers, ours
-from verification.answers.peers.roof import roof_rows
+from verification.answers.peers.printed import particle_rows, roof_rows
 from verification.answers.peers.slope import slope_rows
 from verification.cavities.hoek_brown import HoekBrownTunnel
 from verification.cavities.runs import Run, perfect_rows, read_run

@@ -2,15 +2,14 @@
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.answers.peers.log_spiral import Slope
-from verification.answers.peers.roof import lowering
-from verification.answers.peers.slope import limits, rests
+from verification.answers.peers.printed import lowering
+from verification.answers.peers.slope import Slope, limits, rests
 from verification.cavities.figure import BLOCK_HEIGHT, blocks_of, draw_block
 from verification.cavities.runs import Run
+from verification.plots import plot_cells, plot_series
 from verification.results import Results, Variant
 
 LAST_ROW_HEIGHT = 3.6  # Height of the row of roof and slope, inches.
@@ -43,21 +42,6 @@ def draw(results: Results, runs: list[Run]) -> Figure:
     return figure
 
 
-def roof(axes, variant: Variant, printed: float) -> None:
-    """Subsidence of surface and roof along the panel."""
-    panel, top = variant.values["excavations"][0]["upper"], variant.values["domain"]["upper"]
-    for name, height, reach, colour in (
-        ("surface", top[1], top[0], style.MODELLED),
-        ("roof", panel[1], panel[0], style.BOTH),
-    ):
-        x = np.linspace(0.0, reach, 200)
-        axes.plot(x, lowering(variant, height, x), color=colour, label=name)
-    axes.axhline(printed, color=style.RECORDED, linestyle="--", label="printed for the roof")
-    axes.invert_yaxis()
-    axes.legend()
-    axes.set(title="MOOSE's panel", xlabel="from the middle of the panel (m)", ylabel="came down (m)")
-
-
 def band(part, axes, results: Results, names: list[str]) -> None:
     """Plastic shear at the largest factor with an equilibrium, and the critical log spiral."""
     settings, (stands, _) = results.settings["slope"], limits(results)
@@ -68,14 +52,15 @@ def band(part, axes, results: Results, names: list[str]) -> None:
     cell = state.cell.values[there]
     strain = state.plastic_strain.values[there]
     shear = np.sqrt(2.0 * (strain**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    corner, size = grid.cell_origin.values[cell][:, [0, 2]], grid.cell_size.values[cell]
-    drawn = PolyCollection(
-        corner[:, None] + size[:, None, None] * square, array=np.maximum(shear, MIN_DRAWN_SHEAR),
-        norm="log", clim=SHEAR_COLOUR_LIMITS,
-        cmap=colormaps["viridis_r"].with_extremes(under=style.FILL), rasterized=True,
-    )  # fmt: skip
-    axes.add_collection(drawn)
+    drawn = plot_cells(
+        axes,
+        grid.cell_origin.values[cell][:, [0, 2]],
+        grid.cell_size.values[cell],
+        np.maximum(shear, MIN_DRAWN_SHEAR),
+        norm="log",
+        clim=SHEAR_COLOUR_LIMITS,
+        cmap=colormaps["viridis_r"].with_extremes(under=style.FILL),
+    )
     part.colorbar(drawn, ax=axes, label="plastic shear", orientation="horizontal", shrink=0.8, extend="both")
     toe = np.array(variant.values["excavations"][0]["points"][1])
     spiral = Slope(**settings["rock"]).spiral().points() + toe
@@ -85,17 +70,31 @@ def band(part, axes, results: Results, names: list[str]) -> None:
     axes.set_title(f"slope at {settings['factors'][name]:g} (dashed: log spiral)")
 
 
+def roof(axes, variant: Variant, printed: float) -> None:
+    """Subsidence of surface and roof along the panel."""
+    panel, top = variant.values["excavations"][0]["upper"], variant.values["domain"]["upper"]
+    lines = {}
+    for name, height, reach in (("surface", top[1], top[0]), ("roof", panel[1], panel[0])):
+        x = np.linspace(0.0, reach, 200)
+        lines[name] = x, lowering(variant, height, x)
+    axes.axhline(printed, color=style.OUTLINE, linestyle="--", label="printed for the roof")
+    axes.invert_yaxis()
+    labels = {"title": "MOOSE's panel", "xlabel": "from the middle of the panel (m)", "ylabel": "came down (m)"}
+    plot_series(axes, lines, marks="-", **labels)
+
+
 def work(axes, results: Results, names: list[str]) -> None:
     """Iterations by factor with and without an equilibrium, Newton steps of the peer, and the limits as lines."""
-    settings = results.settings["slope"]
-    for at_rest, look, label in ((True, "o", "ours, comes to rest"), (False, "x", "ours, finds no rest")):
+    settings, series = results.settings["slope"], {}
+    for at_rest, label in ((True, "ours, comes to rest"), (False, "ours, finds no rest")):
         some = [name for name in names if rests(results[name]) == at_rest]
         iterations = [results[name].step(results[name].step_names[-1]).attrs["iterations"] for name in some]
-        axes.semilogy([settings["factors"][name] for name in some], iterations, look, color=style.MODELLED, label=label)
-    axes.semilogy(*zip(*settings["newton"].items(), strict=True), ".", color=style.RECORDED, label="their Newton steps")
-    bound = Slope(**settings["rock"]).limit()
+        series[label] = [settings["factors"][name] for name in some], iterations
+    series["their Newton steps"] = [*settings["newton"]], [*settings["newton"].values()]
     axes.axvline(settings["limit"], color=style.RECORDED, linewidth=0.8, label="their limit")
+    bound = Slope(**settings["rock"]).limit()
     axes.axvline(bound, color=style.OUTLINE, linestyle="--", linewidth=0.8, label="log spiral")
+    labels = {"title": "iterations to rest", "xlabel": "factor of strength", "ylabel": "iterations"}
+    colours = style.MODELLED, style.MODELLED, style.RECORDED
+    plot_series(axes, series, marks=("o", "x", "."), colours=colours, legend="upper left", yscale="log", **labels)
     axes.set_ylim(top=AXIS_TOP)
-    axes.legend(loc="upper left")
-    axes.set(title="iterations to rest", xlabel="factor of strength")

@@ -8,6 +8,7 @@ from scipy.stats import f, ncf
 
 from catalogs.compare.locations import compare_locations
 from verification.answers.statistics.samples import clustered_locations
+from verification.comparisons import vanishing
 from verification.rows import Row
 
 # Centres of three steps, each at a distance of 1 from the two others.
@@ -147,7 +148,7 @@ def step_rows(settings: dict, seed: int, allowed: dict) -> list[Row]:
                 level, alarms, abs(alarms - level), allowed["false_alarms"],
                 f"{chosen['alike_pairs']} pairs, Monte Carlo standard error {error:.4f}",
             ),
-            Row(f"{what}, one process: mean energy distance (m)", 0.0, energy, abs(energy), allowed["energy"]),
+            vanishing(f"{what}, one process: mean energy distance (m)", energy, allowed["energy"]),
             Row(
                 f"{what}, shift of {chosen['metres']:g} m: share found (error: short of {chosen['power']:g})",
                 chosen["power"], power, max(0.0, chosen["power"] - power), 0.0, f"{chosen['shifted_pairs']} pairs",

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from catalogs.sources import mechanisms
 from common.source_tensors import moment_from_potency, principal_axes, source_shares
+from verification.comparisons import vanishing
 from verification.rows import Row
 
 
@@ -69,27 +70,16 @@ def mechanism_rows(settings: dict, pairs: RandomPairs, seed: int, allowed: dict)
     rows = [_known_row(known, allowed["angle"]) for known in settings["known"]]
     rows.append(_axes_row(settings["pairs"], seed, allowed["angle"]))
     worst = float(np.max(np.abs(pairs.found - pairs.known)))
-    rows.append(
-        Row(
-            "Kagan angle of a double couple turned by 0 to 90 degrees about any axis: worst error, degrees",
-            0.0, worst, worst, allowed["angle"], f"{len(pairs.known)} turns",
-        )
-    )  # fmt: skip
+    quantity = "Kagan angle of a double couple turned by 0 to 90 degrees about any axis: worst error, degrees"
+    rows.append(vanishing(quantity, worst, allowed["angle"], f"{len(pairs.known)} turns"))
     ring = float(mechanisms.kagan_angle(np.eye(3), np.eye(3)[[1, 2, 0]]))
-    rows.append(
-        Row(
-            "Kagan angle, degrees, if P, B and T change places in a ring: the largest there is",
-            120.0, ring, abs(ring - 120.0), allowed["angle"],
-        )
-    )  # fmt: skip
+    quantity = "Kagan angle, degrees, if P, B and T change places in a ring: the largest there is"
+    rows.append(Row(quantity, 120.0, ring, abs(ring - 120.0), allowed["angle"]))
     for degrees in settings["shares_below"]:
         expected, found = share_closer(degrees), float(np.mean(pairs.random < degrees))
-        rows.append(
-            Row(
-                f"random double couples: share with a Kagan angle below {degrees} degrees",
-                expected, found, abs(found - expected), allowed["random_angles"], "4 (w - sin w) / pi",
-            )
-        )  # fmt: skip
+        quantity = f"random double couples: share with a Kagan angle below {degrees} degrees"
+        error = abs(found - expected)
+        rows.append(Row(quantity, expected, found, error, allowed["random_angles"], "4 (w - sin w) / pi"))
     rows.append(_share_row(allowed["share"]))
     rows.append(_cone_row(settings["cone"], seed, allowed["cone"]))
     return rows
@@ -101,7 +91,7 @@ def _known_row(known: dict, allowed: float) -> Row:
     expected = mechanisms.axis_from_trend_plunge(*np.array(known["axes"], dtype=float).T)
     worst = float(np.max(mechanisms.angle_between_axes(axes, expected)))
     trends = ", ".join(f"{name} {trend}/{plunge}" for name, (trend, plunge) in zip("PBT", known["axes"], strict=True))
-    return Row(f"{known['name']}: worst error of the P, B and T axes, degrees", 0.0, worst, worst, allowed, trends)
+    return vanishing(f"{known['name']}: worst error of the P, B and T axes, degrees", worst, allowed, trends)
 
 
 def _axes_row(count: int, seed: int, allowed: float) -> Row:
@@ -113,7 +103,7 @@ def _axes_row(count: int, seed: int, allowed: float) -> Row:
     found = principal_axes(double_couple(normal, slip))
     worst = float(np.max(mechanisms.angle_between_axes(found, expected)))
     what = f"P, B and T axes of {count} random strikes, dips and rakes: worst error, degrees"
-    return Row(what, 0.0, worst, worst, allowed)
+    return vanishing(what, worst, allowed)
 
 
 def _share_row(allowed: float) -> Row:
@@ -126,7 +116,7 @@ def _share_row(allowed: float) -> Row:
     exact = np.array([[1, 0, 0], [0, 0, 1], [0, 1, 0], [1 / 3, 2 / 3, 0], [5 / 9, 4 / 9, 0]])
     worst = float(np.max(np.abs(source_shares(tensors) - exact)))
     what = "shares of an explosion, a double couple, a CLVD and a crack (potency, moment): worst error"
-    return Row(what, 0.0, worst, worst, allowed, "Vavrycuk 2015")
+    return vanishing(what, worst, allowed, "Vavrycuk 2015")
 
 
 def _cone_row(chosen: dict, seed: int, allowed: float) -> Row:

@@ -2,12 +2,13 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from mpm_core.equilibrium.increments import potency
+from verification.comparisons import failed_in_step, reported, seismic_potency, vanishing
 from verification.page_tables import Pivot
+from verification.plots import GRID, plot_cells, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
 
@@ -33,9 +34,9 @@ class Run:
     def __init__(self, variant: Variant):
         self.state = variant.step(STEP)
         self.facts = self.state.attrs
-        self.failed = self.state.failed.values == self.facts["step_index"]
+        self.failed = failed_in_step(self.state)
         volume = self.state.volume.values[self.failed]
-        self.potency = float(potency(self.state.seismic_strain.values[self.failed], volume).sum())
+        self.potency = float(seismic_potency(self.state, self.failed).sum())
         self.flow = float(potency(self.state.later_strain.values[self.failed], volume).sum())
         self.volume = float(self.facts["failed_volume"])
         self.particles = int(self.facts["failed_particles"])
@@ -63,7 +64,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         rows += same(moved, f"walls between cells ({between})", runs[moved], runs[between], None)
     for name, run in runs.items():
         share = float(run.facts["truncated_share"])
-        rows.append(Row(f"{name}: rock above strength in coarse cells, share", 0.0, share, share, 0.0))
+        rows.append(vanishing(f"{name}: rock above strength in coarse cells, share", share, 0.0))
     most = runs[settings["parts"][-1]]
     for name in [*settings["parts"][:-1], *settings["chosen"]]:
         run = runs[name]
@@ -82,7 +83,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             f"{run.memory:.0f} MiB"
         )
         quantity = f"{name}: processor time of the step for each failed particle, ms"
-        rows.append(Row(quantity, np.nan, cost, np.nan, None, remark))
+        rows.append(reported(quantity, cost, remark))
     return rows, draw(results, runs)
 
 
@@ -104,7 +105,7 @@ def plastic(runs: dict[str, Run], settings: dict, allowed: dict) -> list[Row]:
     for name in settings["plastic"]:
         run = runs[name]
         remark = f"{run.facts['cells']} cells, split {run.facts['cell_splits']} times, {run.particles} flow"
-        rows.append(Row(f"{name}: V-cycles of the step", 0.0, run.cycles, run.cycles, allowed["cycles"], remark))
+        rows.append(vanishing(f"{name}: V-cycles of the step", run.cycles, allowed["cycles"], remark))
     strict = runs[settings["plastic"][2]]
     for name in settings["looser"]:
         run = runs[name]
@@ -122,44 +123,51 @@ def draw(results: Results, runs: dict[str, Run]) -> Figure:
     for panel, name in ((left, settings["rings"][0]), (right, settings["everywhere"])):
         draw_section(panel, runs[name])
         panel.set_title(f"{name}: {runs[name].facts['cells']} cells")
-    most = runs[settings["parts"][-1]].potency
-    for names, mark, label in (
-        (settings["parts"][:-1], "o", "equal increments"),
-        (settings["chosen"], "s", "increments that follow their error"),
+    most, excess, notes = runs[settings["parts"][-1]], {}, {}
+    for names, label in (
+        (settings["parts"][:-1], "equal increments"),
+        (settings["chosen"], "increments that follow their error"),
     ):
-        excess = [abs(runs[name].potency / most - 1.0) for name in names]
-        below.plot([runs[name].overshoot for name in names], excess, mark, label=label)
-        for name, value in zip(names, excess, strict=True):
-            below.annotate(f" {runs[name].facts['increments']}", (runs[name].overshoot, value))
-    span = np.array([0.02, 1.0])
-    below.plot(span, span, color="#888888", linewidth=0.8, label="as large as it says")
-    below.set(xscale="log", yscale="log", xlabel="overshoot of the first that fail, over their drop")
-    below.set_ylabel(f"potency beside that of {runs[settings['parts'][-1]].facts['increments']} increments, share off")
-    below.legend()
+        some = [runs[name] for name in names]
+        excess[label] = [run.overshoot for run in some], [abs(run.potency / most.potency - 1.0) for run in some]
+        notes[label] = [str(run.facts["increments"]) for run in some]
+    plot_series(
+        below,
+        excess,
+        {"as large as it says": ([0.02, 1.0], [0.02, 1.0])},
+        marks=("o", "s"),
+        notes=notes,
+        xscale="log",
+        yscale="log",
+        xlabel="overshoot of the first that fail, over their drop",
+        ylabel=f"potency beside that of {most.facts['increments']} increments, share off",
+    )
     measured = [runs[name] for name in settings["cells"] if runs[name].particles]
-    shown = [(run.particles, each) for run in measured if (each := run.cost) is not None]
-    cost.plot([count for count, _ in shown], [each for _, each in shown], "o-")
-    cost.set(xscale="log", yscale="log", xlabel="failed particles")
-    cost.set_ylabel("processor time of the step for each,\nstart included, compiling not (ms)")
+    shown = [(run.particles, run.cost) for run in measured if run.cost is not None]
+    plot_series(
+        cost,
+        {"": ([count for count, _ in shown], [each for _, each in shown])},
+        marks="o-",
+        xscale="log",
+        yscale="log",
+        xlabel="failed particles",
+        ylabel="processor time of the step for each,\nstart included, compiling not (ms)",
+    )
     for panel in (below, cost):
-        panel.grid(which="major", color="#e2e2e2", linewidth=0.6)
+        panel.grid(which="major", **GRID)
     return figure
 
 
 def draw_section(panel: Axes, run: Run) -> None:
     """Cells cut by the section along x through the middle of the stope. Those with failed rock are filled."""
-    state, middle = run.state, np.array([80.0, 80.0, 980.0])
+    state, middle, half = run.state, np.array([80.0, 80.0, 980.0]), SECTION_HALF_WIDTH
     low, size = state.cell_origin.values, state.cell_size.values
     cut = (low[:, 1] <= middle[1]) & (low[:, 1] + size > middle[1])
     failed = np.zeros(len(size), bool)
     failed[state.cell.values[run.failed]] = True
     for chosen, colour in ((cut & ~failed, "none"), (cut & failed, style.MODELLED)):
-        x, z, h = low[chosen, 0], low[chosen, 2], size[chosen]
-        corners = np.stack([np.stack([x, x + h, x + h, x], 1), np.stack([z, z, z + h, z + h], 1)], axis=2)
-        panel.add_collection(PolyCollection(list(corners), facecolor=colour, edgecolor="#999999", linewidth=0.3))
+        look = {"facecolor": colour, "edgecolor": "#999999", "linewidth": 0.3, "rasterized": False}
+        plot_cells(panel, low[chosen][:, [0, 2]], size[chosen], **look)
     panel.plot([75, 85, 85, 75, 75], [970, 970, 990, 990, 970], color="black", linewidth=1.2)
-    panel.set(
-        xlim=(middle[0] - SECTION_HALF_WIDTH, middle[0] + SECTION_HALF_WIDTH),
-        ylim=(middle[2] - SECTION_HALF_WIDTH, middle[2] + SECTION_HALF_WIDTH),
-    )
-    panel.set(aspect="equal", xlabel="x (m)", ylabel="z (m); failed rock filled, stope in black")
+    panel.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[2] - half, middle[2] + half), aspect="equal")
+    panel.set(xlabel="x (m)", ylabel="z (m); failed rock filled, stope in black")

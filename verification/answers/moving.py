@@ -4,8 +4,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.answers.schemes import QUANTITIES, Means
-from verification.answers.schemes.runs import Pairs, read_pairs
+from verification.answers.schemes import QUANTITIES, Means, Pairs, read_pairs
+from verification.comparisons import vanishing
+from verification.plots import GRID, plot_convergence, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
 
@@ -49,7 +50,7 @@ def brittle_rows(scene: str, pairs: Pairs, allowed: float) -> list[Row]:
         means = Means(*pairs.values(key))
         remark = f"means {means.first.mean():.4g} resting, {means.other.mean():.4g} moving, {pairs.count} runs each"
         quantity = f"{scene}: {name}, difference of the means in standard errors"
-        rows.append(Row(quantity, 0.0, means.apart, means.apart, allowed, remark))
+        rows.append(vanishing(quantity, means.apart, allowed, remark))
     return rows
 
 
@@ -74,18 +75,13 @@ def draw(brittle: Variant, closures: list[tuple[float, float]], pairs: Pairs, in
     figure = style.new_figure(height=3.4)
     elastic, runs = figure.subplots(1, 2)
     closure, difference = np.array(closures).T
-    in_cells = closure / float(brittle.grid.attrs["fine_cell"])
-    elastic.loglog(in_cells, difference, "o", color=style.MODELLED, label="moving beside resting particles")
-    first_order = difference[0] * in_cells / in_cells[0]
-    elastic.loglog(in_cells, first_order, color=style.OUTLINE, linewidth=0.8, label="first order")
-    elastic.set(title="elastic", xlabel="closure of the wall (cells)", ylabel="difference of the closure (share)")
-    looks = zip(pairs.runs.items(), "os", (style.OUTLINE, style.MODELLED), strict=True)
-    for (name, values), marker, colour in looks:
-        label = f"{name.split('_')[0]} particles"
-        runs.plot(increments, [run.potency for run in values], marker, color=colour, label=label)
-    runs.set(title="brittle", xlabel="increments of the run", ylabel="seismic potency (m³)")
+    found = {"moving beside resting particles": (closure / float(brittle.grid.attrs["fine_cell"]), difference)}
+    labels = {"xlabel": "closure of the wall (cells)", "ylabel": "difference of the closure (share)"}
+    plot_convergence(elastic, found, 1.0, "first order", ticks=False, marks="o", title="elastic", **labels)
+    potency = {f"{name.split('_')[0]} particles": [run.potency for run in some] for name, some in pairs.runs.items()}
+    series = {name: (increments, values) for name, values in potency.items()}
+    labels = {"xlabel": "increments of the run", "ylabel": "seismic potency (m³)"}
+    plot_series(runs, series, marks=("o", "s"), title="brittle", **labels)
     runs.set_ylim(bottom=0.0)
-    for panel in (elastic, runs):
-        panel.grid(color="#e2e2e2", linewidth=0.6)
-        panel.legend()
+    runs.grid(**GRID)
     return figure

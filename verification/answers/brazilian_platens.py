@@ -11,11 +11,13 @@ from common.errors import InputError
 from verification.answers.brazilian_disc import event_rows
 from verification.answers.brazilian_disc.closed_form import Disc, PeakStrength, first_failure
 from verification.answers.brazilian_disc.crack import Crack, Moment, read_crack
-from verification.answers.brazilian_disc.figure import COLOURS, draw_growth, draw_stages
+from verification.answers.brazilian_disc.figure import draw_growth, draw_stages, draw_stress
+from verification.comparisons import reported, vanishing
+from verification.plots import COLOURS
 from verification.results import Results, Variant
 from verification.rows import Row
 
-KILO, MILLI, GIGA, MPA = 1e-3, 1e3, 1e9, 1e-6
+KILO, MILLI, GIGA = 1e-3, 1e3, 1e9
 NOTHING = float("nan")
 
 
@@ -128,16 +130,13 @@ def crack_rows(disc: PlatenDisc, crack: Crack[PlatenDisc] | None, results: Resul
         return [Row(near, 1.0, NOTHING, NOTHING, allowed["near"], f"it never runs through: {last}")]
     spans, share = crack.layer_spans(moment.generation), crack.near_share(settings["near"], moment)
     angle = crack.opening_axis_angle(moment)
-    return [
-        Row(
-            near, 1.0, share, 1.0 - share, allowed["near"],
-            f"{spans.min():.2f} to {spans.max():.2f} of it spanned in {len(spans)} layers after "
-            f"{moment.generation + 1} generations, {moment.failed_cells} cells, platens "
-            f"{crack.text_of(moment.part)} closer (first failure: {crack.text_of(crack.first_part)})",
-        ),
-        Row(f"{disc.name}: T axis of all potency until then, degrees from the normal of the loaded diameter", 0.0,
-            angle, angle, allowed["axis"]),
-    ]  # fmt: skip
+    remark = (
+        f"{spans.min():.2f} to {spans.max():.2f} of it spanned in {len(spans)} layers after "
+        f"{moment.generation + 1} generations, {moment.failed_cells} cells, platens "
+        f"{crack.text_of(moment.part)} closer (first failure: {crack.text_of(crack.first_part)})"
+    )
+    axis = f"{disc.name}: T axis of all potency until then, degrees from the normal of the loaded diameter"
+    return [Row(near, 1.0, share, 1.0 - share, allowed["near"], remark), vanishing(axis, angle, allowed["axis"])]
 
 
 def printed_rows(crack: Crack, settings: dict) -> list[Row]:
@@ -150,13 +149,13 @@ def printed_rows(crack: Crack, settings: dict) -> list[Row]:
     near = crack.near_share(settings["near"], moment)
     dissipated = float(crack.state.attrs["energy_dissipated"])
     remark = f"{MILLI * np.abs(first[:, 0]).mean():.1f} mm beside the diameter, at {crack.text_of(crack.first_part)}"
+    rest = "no rest" if crack.state.attrs["collapsed"] else "at rest"
+    near_remark = f"{dissipated:.3g} J dissipated in the step"
     return [
-        Row(f"{name}: height of the first failure, R", NOTHING, height, NOTHING, remark=remark),
-        Row(f"{name}: least span of any layer", NOTHING, float(spans.min()), NOTHING,
-            remark=f"{moment.failed_cells} cells; then {'no rest' if crack.state.attrs['collapsed'] else 'at rest'}"),
-        Row(f"{name}: share of potency near the loaded diameter then", NOTHING, near, NOTHING,
-            remark=f"{dissipated:.3g} J dissipated in the step"),
-    ]  # fmt: skip
+        reported(f"{name}: height of the first failure, R", height, remark),
+        reported(f"{name}: least span of any layer", float(spans.min()), f"{moment.failed_cells} cells; then {rest}"),
+        reported(f"{name}: share of potency near the loaded diameter then", near, near_remark),
+    ]
 
 
 def stages_of(crack: Crack, span: float) -> list[Moment]:
@@ -193,14 +192,9 @@ def draw_diameter(axes: Axes, disc: PlatenDisc) -> None:
     inside = np.abs(height) < disc.platen
     line = np.linspace(-0.999, 0.999, 401) * disc.disc.radius
     exact = disc.disc.stress(np.stack([0.0 * line, line], axis=1), disc.disc.pressure(disc.force(state)))
-    for component, (name, colour) in enumerate((("across the load", COLOURS[1]), ("along the load", COLOURS[0]))):
-        found = np.bincount(number, state.stress.values[near, component]) / np.bincount(number)
-        axes.plot(MILLI * line, MPA * exact[:, component], color=colour, linewidth=1.0)
-        axes.plot(MILLI * height[inside], MPA * found[inside], ".", color=colour, markersize=3.5, label=name)
-    axes.set_title(f"Loaded diameter at {KILO * disc.force(state):.2f} kN")
-    axes.set_xlabel("height above the centre (mm)")
-    axes.set_ylabel("stress (MPa), lines Hondros")
-    axes.legend(loc="lower center")
+    found = [np.bincount(number, state.stress.values[near, i]) / np.bincount(number) for i in (0, 1)]
+    title = f"Loaded diameter at {KILO * disc.force(state):.2f} kN"
+    draw_stress(axes, title, height[inside], np.array(found)[:, inside], (line, exact.T[:2]))
 
 
 def draw_potency(axes: Axes, cracks: dict[str, Crack[PlatenDisc]]) -> None:

@@ -4,8 +4,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from mpm_core.equilibrium.increments import potency
+from verification.comparisons import failed_in_step, reported, seismic_potency, vanishing
 from verification.page_tables import Pivot
+from verification.plots import plot_errors
 from verification.results import Results, Variant
 from verification.rows import Row
 
@@ -24,7 +25,6 @@ TABLES = (
 
 STEP = "mined"
 FACES = "faces"
-MARKS = {"whole": "s", "mean": "o"}
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
@@ -36,7 +36,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     for fill, (coarse, fine) in settings["limit"].items():
         limits[fill] = limit = 2.0 * found[fine] - found[coarse]
         remark = f"twice {found[fine]:.4g} of {fine} less {found[coarse]:.4g} of {coarse}"
-        rows.append(Row(f"{fill}: limit of the potency of ever smaller cells, m3", np.nan, limit, np.nan, None, remark))
+        rows.append(reported(f"{fill}: limit of the potency of ever smaller cells, m3", limit, remark))
         for cells in settings["cells"][fill]:
             on_faces = found[f"{fill}_{FACES}_{cells}"]
             rows.append(Row.relative(f"{fill}, {cells} cells across, walls on faces: potency, m3", limit, on_faces))
@@ -51,26 +51,25 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         for place, value in zip(settings["unturned"], unturned, strict=True):
             rows.append(Row.relative(f"{name}, {place}: potency, m3", limits[fill], value, bound))
         for place, value in zip(settings["turned"], turned, strict=True):
-            rows.append(Row(f"{name}, {place}: potency, m3", np.nan, value, np.nan))
+            rows.append(reported(f"{name}, {place}: potency, m3", value))
         bound = allowed[f"spread_{cells}"] if judged else None
         for scene, every in (("unturned", [found[f"{fill}_{FACES}_{cells}"], *unturned]), ("turned", turned)):
             spread = float(np.ptp(every) / np.mean(every))
-            rows.append(Row(f"{name}, {scene}: spread of potency over placements", 0.0, spread, spread, bound))
+            rows.append(vanishing(f"{name}, {scene}: spread of potency over placements", spread, bound))
     for fill, cells in settings["cells"].items():
         for place in settings["unturned"] if len(cells) == 2 else ():
             coarse, fine = (found[f"{fill}_{place}_{number}_{settings['judged']}"] for number in cells)
             quantity = f"{fill}, {place}, {settings['judged']}: potency extrapolated, m3"
             rows.append(Row.relative(quantity, limits[fill], 2.0 * fine - coarse, allowed["extrapolated"]))
     for name, case in settings["other_fill"].items():
-        rows.append(Row(f"{case}: potency, m3", np.nan, found[name], np.nan))
+        rows.append(reported(f"{case}: potency, m3", found[name]))
     return rows, draw(settings, found, limits)
 
 
 def released(variant: Variant) -> float:
     """Seismic potency of the step, m3, summed over rock that failed in it."""
     state = variant.step(STEP)
-    failed = state.failed.values == state.attrs["step_index"]
-    return float(potency(state.seismic_strain.values[failed], state.volume.values[failed]).sum())
+    return float(seismic_potency(state, failed_in_step(state)).sum())
 
 
 def _cases(settings: dict):
@@ -82,20 +81,18 @@ def _cases(settings: dict):
 
 
 def draw(settings: dict, found: dict[str, float], limits: dict[str, float]) -> Figure:
-    """Potency by placement, a panel for each fill and number of cells."""
+    """Potency by placement, a panel for each fill and number of cells; the line is the limit."""
     panels = [(fill, cells) for fill, numbers in settings["cells"].items() for cells in numbers]
     figure = style.new_figure(height=3.4)
-    places = [FACES, *settings["unturned"], *settings["turned"]]
-    for panel, (fill, cells) in zip(figure.subplots(1, len(panels)), panels, strict=True):
-        panel.axhline(limits[fill], color=style.OUTLINE, linewidth=0.8, label="limit")
-        for treatment in settings["treatments"]:
-            values = [found[f"{fill}_{FACES}_{cells}"]]
-            values += [found[f"{fill}_{place}_{cells}_{treatment}"] for place in places[1:]]
-            panel.plot(range(len(places)), values, MARKS[treatment], label=treatment)
-        panel.set_xticks(range(len(places)), [place.replace("_", " ") for place in places], rotation=60, ha="right")
-        panel.set_ylim(0.0, 1.08 * panel.dataLim.ymax)
-        panel.set_title(f"{fill}, {cells} cells across")
-        panel.grid(axis="y", color="#e2e2e2", linewidth=0.6)
-    figure.axes[0].set_ylabel("seismic potency of the step (m³)")
-    figure.axes[0].legend()
+    places = [*settings["unturned"], *settings["turned"]]
+    names = [FACES, *(place.replace("_", " ") for place in places)]
+    for panel, (fill, cells) in zip(figure.subplots(1, len(panels), sharey=True), panels, strict=True):
+        on_faces = found[f"{fill}_{FACES}_{cells}"]
+        series = {
+            treatment: [on_faces, *(found[f"{fill}_{place}_{cells}_{treatment}"] for place in places)]
+            for treatment in settings["treatments"]
+        }
+        labels = {"title": f"{fill}, {cells} cells across", "xlabel": "seismic potency of the step (m³)"}
+        plot_errors(panel, names, series, truth=limits[fill], legend="lower left", **labels)
+        panel.set_xlim(0.0, 1.08 * panel.dataLim.xmax)
     return figure

@@ -1,5 +1,9 @@
-"""Specimens with weak planes under axial compression, against Jaeger's strength by the angle of the planes."""
+"""Specimens with weak planes under axial compression, against Jaeger's strength by the angle of the planes.
 
+Strength of a specimen with planes of weakness of one orientation (Jaeger 1960, Geol. Mag. 97, 65).
+"""
+
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,10 +11,31 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from common.voigt import tensor_from_voigt
-from verification.answers.fault.planes import normal_of, share_within
-from verification.answers.jaeger.closed_form import jaeger_strength
+from verification.answers.fault import normal_of, share_within
+from verification.comparisons import vanishing
+from verification.plots import plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
+
+
+def jaeger_strength(
+    angle: float, confinement: float, rock: tuple[float, float], plane: tuple[float, float]
+) -> tuple[float, bool]:
+    """Axial minus lateral compression at failure, Pa, and whether the planes slip then.
+
+    angle: from the axis to the planes' normal, degrees; confinement: lateral compression, Pa; rock, plane: cohesion Pa
+    and friction angle, degrees. Planes slip at 2 (c + p tan phi) / ((1 - tan phi cot b) sin 2b) where b > phi. The rock
+    fails at (N - 1) p + sigma_c. The smaller value counts.
+    """
+    cohesion, friction = rock[0], math.sin(math.radians(rock[1]))
+    factor = (1 + friction) / (1 - friction)
+    of_rock = (factor - 1) * confinement + 2 * cohesion * math.sqrt(factor)
+    b, slope = math.radians(angle), math.tan(math.radians(plane[1]))
+    if math.sin(b) <= slope * math.cos(b) or angle >= 90:
+        return of_rock, False
+    of_plane = 2 * (plane[0] + confinement * slope) / ((1 - slope / math.tan(b)) * math.sin(2 * b))
+    return min(of_rock, of_plane), of_plane < of_rock
+
 
 MPA = 1e-6
 
@@ -41,7 +66,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         rows.append(Row.relative(quantity, *values, results.allowed["strength"], remark))
         if specimen.slips:
             quantity = f"{name}: plastic strain within the planes or across them, share of it"
-            rows.append(Row(quantity, 0.0, specimen.within, specimen.within, results.allowed["within"]))
+            rows.append(vanishing(quantity, specimen.within, results.allowed["within"]))
     return rows, draw(results, specimens)
 
 
@@ -68,17 +93,15 @@ def draw(results: Results, specimens: dict[str, Specimen]) -> Figure:
     """Strength over the angle between the axis and the planes' normal."""
     variant = next(iter(results.variants.values()))
     material, confinement = variant.values["materials"]["host"], -variant.values["insitu_stress"]["constant"]["xx"]
-    with style.applied():
-        figure = style.new_figure(height=4.0)
-        axes = figure.subplots()
-        angles = np.linspace(0.0, 90.0, 361)
-        curve = [jaeger_strength(angle, confinement, *strengths(material, "intact"))[0] for angle in angles]
-        axes.plot(angles, np.array(curve) * MPA, color=style.OUTLINE, label="Jaeger (1960)")
-        for brittle, colour, label in ((False, style.MODELLED, "cell in flow"), (True, style.RECORDED, "after a drop")):
-            chosen = [specimen for specimen in specimens.values() if specimen.brittle == brittle]
-            found = [specimen.found * MPA for specimen in chosen]
-            axes.plot([specimen.angle for specimen in chosen], found, "o", color=colour, label=label)
-        axes.set(xlabel="angle from the axis to the planes' normal (degrees)", ylabel="axial less lateral (MPa)")
-        axes.set_ylim(bottom=0.0)
-        axes.legend()
+    angles = np.linspace(0.0, 90.0, 361)
+    curve = [jaeger_strength(angle, confinement, *strengths(material, "intact"))[0] * MPA for angle in angles]
+    found = {}
+    for brittle, label in ((False, "cell in flow"), (True, "after a drop")):
+        chosen = [specimen for specimen in specimens.values() if specimen.brittle == brittle]
+        found[label] = [one.angle for one in chosen], [one.found * MPA for one in chosen]
+    figure = style.new_figure(height=4.0)
+    axes = figure.subplots()
+    labels = {"xlabel": "angle from the axis to the planes' normal (degrees)", "ylabel": "axial less lateral (MPa)"}
+    plot_series(axes, found, {"Jaeger (1960)": (angles, curve)}, **labels)
+    axes.set_ylim(bottom=0.0)
     return figure

@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from catalogs.figures import style
 from catalogs.compare.grid_convergence import share_off
 from common.voigt import tensor_from_voigt
-from mpm_core.equilibrium.increments import potency
 from mpm_core.stages.grid_stage import MIN_WHOLE_CELL_SHARE_ACCEPTED
 from verification.cavities.inclusion import Elastic, SphericalInclusion
+from verification.comparisons import mean_square_root, seismic_potency, vanishing
 from verification.page_tables import Pivot
+from verification.plots import plot_errors
 from verification.results import Results, Variant
 from verification.rows import Row
 
@@ -33,7 +34,6 @@ TABLES = (
 STEP = "history"
 MEASURES = {"energy": "J", "potency": "m3", "volume": "m3"}
 TITLES = {"energy": "energy set in motion, elastic", "potency": "seismic potency", "volume": "volume of failed rock"}
-MARKS = {"draft": "s", "standard": "o", "fine": "^"}
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             values = np.array([errors[scene, size, name] for scene in settings["scenes"]])
             told = f"{100 * values.min():+.1f} to {100 * values.max():+.1f} %"
             quantity = f"{size}: {name}, r.m.s. error over the scenes"
-            rows.append(Row(quantity, 0.0, _rms(values), _rms(values), None, told))
+            rows.append(vanishing(quantity, float(mean_square_root(values)), remark=told))
     for size in settings["sizes"]:
         sphere = f"{settings['sphere']}_{size}"
         true = energy_of_sphere(results[sphere])
@@ -101,7 +101,7 @@ def doubled(name: str, coarse: np.ndarray, fine: np.ndarray, finest: np.ndarray,
     told = f"{100 * off.min():+.1f} to {100 * off.max():+.1f} %"
     return [
         Row(f"{name}, share of scenes within the report's bounds", holds, within, max(holds - within, 0.0), 0.0),
-        Row(f"{name} extrapolated, r.m.s. error over the scenes", 0.0, _rms(off), _rms(off), None, told),
+        vanishing(f"{name} extrapolated, r.m.s. error over the scenes", float(mean_square_root(off)), remark=told),
     ]
 
 
@@ -109,12 +109,11 @@ def measure(variant: Variant) -> Found:
     """Numbers of one run of a scene."""
     state = variant.step(STEP)
     failed = state.failed.values >= 0
-    every = potency(state.seismic_strain.values[failed], state.volume.values[failed])
     seconds = [variant.processor_time(stage) or 0.0 for stage in ("grid", "elastic", f"steps/{STEP}")]
     shares = json.loads(variant.grid.attrs["excavation_whole_share"])
     return Found(
         float(variant.elastic.attrs["energy_motion"]),
-        float(every.sum()),
+        float(seismic_potency(state, failed).sum()),
         float(state.volume.values[failed].sum()),
         min(shares),
         sum(seconds),
@@ -122,7 +121,7 @@ def measure(variant: Variant) -> Found:
 
 
 def energy_of_sphere(variant: Variant) -> float:
-    """V s0 : e / 2 with the strain e of the wall (verification.energy_rows), J, stress as at the sphere's centre."""
+    """V s0 : e / 2 with the strain e of the wall (verification.answers.sphere), J, stress as at the sphere's centre."""
     hole, rock = variant.values["excavations"][0], variant.values["materials"]["host"]
     virgin = tensor_from_voigt(variant.scene().insitu.at(np.array([hole["center"][2]])))[0]
     exact = SphericalInclusion(hole["radius"], virgin, Elastic(rock["youngs_modulus"], rock["poisson_ratio"]))
@@ -146,24 +145,14 @@ def slots(results: Results) -> list[Row]:
     return rows
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def draw(settings: dict, errors: dict[tuple[str, str, str], float]) -> Figure:
     """Signed errors by scene, a panel for each measure."""
     figure = style.new_figure(height=3.8)
     scenes = settings["scenes"]
+    names = [scene.replace("_", " ") for scene in scenes]
     for panel, (name, title) in zip(figure.subplots(1, len(TITLES), sharey=True), TITLES.items(), strict=True):
-        panel.axvline(0.0, color=style.OUTLINE, linewidth=0.8)
-        for size in settings["sizes"][:-1]:
-            values = [100 * errors[scene, size, name] for scene in scenes]
-            panel.plot(values, range(len(scenes)), MARKS[size], label=size)
-        panel.set_title(title)
-        panel.set_xlabel("error against the finest cells (%)")
-        panel.grid(axis="x", color="#e2e2e2", linewidth=0.6)
-    first = figure.axes[0]
-    first.set_yticks(range(len(scenes)), [scene.replace("_", " ") for scene in scenes])
-    first.invert_yaxis()
-    figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=len(MARKS))
+        series = {size: [100 * errors[scene, size, name] for scene in scenes] for size in settings["sizes"][:-1]}
+        labels = {"title": title, "xlabel": "error against the finest cells (%)"}
+        plot_errors(panel, names, series, truth=0.0, legend=None, **labels)
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=len(series))
     return figure

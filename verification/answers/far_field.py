@@ -11,11 +11,14 @@ from catalogs.figures import style
 from common.voigt import tensor_from_voigt
 from verification.answers.kirsch.closed_form import InfinitePlate
 from verification.answers.sphere import exact_field
+from verification.comparisons import vanishing
+from verification.plots import plot_errors, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
 
 MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
 MAX_PLACE_DIFFERENCE = 1e-3  # Particles of two grids closer than so many cells are the same.
+DRAWN_BOUND = 0.5  # Of the boundary's share in wall stress, %.
 CLEAR_CELLS = 2.0  # Cells next to the wall that the comparison with theory leaves out.
 
 
@@ -91,7 +94,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
                 f"cells, {wide.grid.sizes['cell']} in the wider one"
             )
             quantity = f"{name}: what the boundary moves of the wall's stress, share of the largest"
-            rows.append(Row(quantity, 0.0, moved, moved, allowed["boundary"], remark))
+            rows.append(vanishing(quantity, moved, allowed["boundary"], remark))
             quantity = f"{name}: the same over what the rule expects of this domain"
             rows.append(Row(quantity, 1.0, moved / expected, moved / expected, allowed["over_estimate"]))
         if f"{name}{graded}" in rocks:
@@ -99,7 +102,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             difference, count = largest_difference(rock, fine, cells)
             remark = f"{rock.grid.sizes['cell']} and {fine.grid.sizes['cell']} cells"
             quantity = f"{name}: wall stress against twice the rings on each level, largest difference, share"
-            rows.append(Row(quantity, 0.0, difference, difference, allowed["rings"], remark))
+            rows.append(vanishing(quantity, difference, allowed["rings"], remark))
     for name, rock in rocks.items():
         if is_round(rock.variant) and not name.endswith(graded):
             rows.append(theory_row(name, rock, settings["outer_radii"], allowed["stress"]))
@@ -128,28 +131,23 @@ def theory_row(name: str, rock: Rock, outer_radii: float, allowed: float) -> Row
     share = float(np.sqrt(np.average(error, weights=weights)) / rock.far_stress)
     span = f"a + 2 h to {outer_radii:g} a"
     quantity = f"{name}: stress beside that of infinite rock, {span}, r.m.s. share of the far stress"
-    return Row(quantity, 0.0, share, share, allowed)
+    return vanishing(quantity, share, allowed)
 
 
 def draw(rocks: dict[str, Rock], shares: dict[str, tuple[float, float]]) -> Figure:
     """Change of wall stress by the boundaries with the expected change, and number of cells by size."""
     figure = style.new_figure(height=3.8)
     left, right = figure.subplots(1, 2)
-    place = np.arange(len(shares))
     moved, expected = (100 * np.array(column) for column in zip(*shares.values(), strict=True))
-    left.bar(place - 0.2, moved, 0.4, color=style.MODELLED, label="moved, largest of any component")
-    left.bar(place + 0.2, expected, 0.4, color=style.BEFORE_RECORD, label="expected by the rule")
-    left.set_xticks(place, [name.replace("_", "\n") for name in shares])
-    left.set(title="What the boundary moves of wall stress", ylabel="share of the largest (%)")
-    left.axhline(0.5, color=style.OUTLINE, linestyle=":", linewidth=0.8)
-    left.set_ylim(0.0, 0.65)  # The legend stands above the bound.
-    left.legend()
+    names = [name.replace("_", " ") for name in shares]
+    series = {"moved, largest of any component": moved, "expected by the rule": expected}
+    labels = {"title": "What the boundary moves of wall stress", "xlabel": "share of the largest (%; line: bound)"}
+    plot_errors(left, names, series, truth=DRAWN_BOUND, legend="upper center", **labels)
+    left.set(xlim=(0.0, 1.3 * DRAWN_BOUND), ylim=(len(names) - 0.5, -0.4 * len(names)))  # The legend stands above.
     drawn: dict[str, xr.Dataset] = {}
     for name in shares:  # Variants that differ in stress share their cells.
         drawn.setdefault(name.split("_")[0], rocks[name].grid)
-    for name, grid in drawn.items():
-        size, counts = np.unique(grid.cell_size.values, return_counts=True)
-        right.plot(size, counts, "o-", markersize=3.5, linewidth=0.8, label=name)
-    right.set(title="Cells by their size", xlabel="edge (m)", ylabel="cells", xscale="log", yscale="log")
-    right.legend()
+    counts = {name: np.unique(grid.cell_size.values, return_counts=True) for name, grid in drawn.items()}
+    labels = {"title": "Cells by their size", "xlabel": "edge (m)", "ylabel": "cells"}
+    plot_series(right, counts, marks="o-", xscale="log", yscale="log", **labels)
     return figure

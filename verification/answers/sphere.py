@@ -1,13 +1,15 @@
 """Elastic sphere, empty or filled, in all-round and uniaxial stress, against Goodier's and Eshelby's fields."""
 
 import numpy as np
+import xarray as xr
 from matplotlib.figure import Figure
 
-from verification.answers.sphere.figure import draw
+from catalogs.figures import style
 from verification.cavities.cavity import Cavity, read_pressure
 from verification.cavities.inclusion import Elastic, SphericalInclusion
-from verification.energy_rows import closing_row, sphere_rows
+from verification.comparisons import closing_row, vanishing
 from verification.page_tables import Pivot
+from verification.plots import add_circle, plot_section, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
 
@@ -19,6 +21,10 @@ TABLES = (
     ),
 )
 
+MPA = 1e-6
+PROFILE_RADII = 3.5  # Length of the profiles in radii.
+SECTION_RADII = 2.0  # Width of the sections in radii.
+SECTION_ERROR_LIMIT = 3.0  # End of the colours of errors, %.
 MIN_POLE_COSINE = 0.95  # Cosine of the angle to an axis above which a direction counts as on it.
 INTERIOR_CLEARANCE = 1.0  # Cells next to the wall that the comparison inside the fill leaves out.
 
@@ -45,12 +51,12 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         exact, pressure = exact_field(results[name]), read_pressure(results[name])
         rows.append(stress_row(name, cavity, exact, pressure, results))
         rows += closure_rows(name, cavity, exact, results.allowed["closure"])
-        rows += sphere_rows(name, cavity.state, exact, results.allowed["energy"])
+        rows += energy_rows(name, cavity.state, exact, results.allowed["energy"])
         if cavity.fill.any():
             rows += inclusion_rows(name, cavity, exact, pressure, results.allowed["stress"])
     rows.append(closing_row("all", (cavity.state for cavity in cavities.values())))
     fields = {name: (cavities[name], exact_field(results[name])) for name in cavities}
-    return rows, draw(fields, results.settings["outer_radii"])
+    return rows, draw(fields)
 
 
 def stress_row(name: str, cavity: Cavity, exact: SphericalInclusion, pressure: float, results: Results) -> Row:
@@ -60,7 +66,25 @@ def stress_row(name: str, cavity: Cavity, exact: SphericalInclusion, pressure: f
     square = np.square(cavity.stress[ring] - exact.stress(cavity.place[ring])).sum(axis=(1, 2)) / 6
     error = float(np.sqrt(np.average(square, weights=cavity.volume[ring])) / pressure)
     quantity = f"{name}: stress in the rock, a + 2 h to {outer:g} a, r.m.s. of six components, share of the far stress"
-    return Row(quantity, 0.0, error, error, results.allowed["stress"])
+    return vanishing(quantity, error, results.allowed["stress"])
+
+
+def energy_rows(name: str, state: xr.Dataset, exact: SphericalInclusion, allowed: float) -> list[Row]:
+    """Energy that an eighth of a sphere releases when mined at once, beside theory.
+
+    The mined rock takes V s0 : C^-1 : s0 / 2 with it. Half the work of the support, V s0 : e / 2 with the strain e of
+    the wall (u = e x), is set in motion (Salamon 1984, J. South. Afr. Inst. Min. Metall. 84, 233).
+    """
+    volume, virgin = np.pi / 6 * exact.radius**3, np.asarray(exact.virgin_stress)
+    rock = exact.rock
+    mean, deviator = np.trace(virgin) / 3, virgin - np.trace(virgin) / 3 * np.eye(3)
+    mined = volume * (mean**2 / (2 * rock.bulk_modulus) + (deviator**2).sum() / (4 * rock.shear_modulus))
+    motion = 0.5 * volume * float((virgin * exact.strain_inside).sum())
+    found = {key: float(state.attrs[f"energy_{key}"]) / 1e6 for key in ("mined", "motion")}
+    return [
+        Row.relative(f"{name}: elastic energy of the mined rock, MJ", mined / 1e6, found["mined"], allowed),
+        Row.relative(f"{name}: energy that mining at once sets in motion, MJ", motion / 1e6, found["motion"], allowed),
+    ]
 
 
 def closure_rows(name: str, cavity: Cavity, exact: SphericalInclusion, allowed: float) -> list[Row]:
@@ -100,9 +124,56 @@ def inclusion_rows(name: str, cavity: Cavity, exact: SphericalInclusion, pressur
         "into the fill: strain there is too large by about 3 (h/2) / a, first order in h."
     )
     return [
-        Row(
-            f"{name}: stress in the fill, r.m.s. of six components, share of the far stress", 0.0, share, share, allowed
-        ),
-        Row(f"{name}: stress in the fill, r.m.s. share of its own", 0.0, own, own, None, reason),
+        vanishing(f"{name}: stress in the fill, r.m.s. of six components, share of the far stress", share, allowed),
+        vanishing(f"{name}: stress in the fill, r.m.s. share of its own", own, remark=reason),
         Row.relative(f"{name}: mean stress of the fill along z, MPa", expected, mean),
     ]
+
+
+def draw(fields: dict[str, tuple[Cavity, SphericalInclusion]]) -> Figure:
+    """Profiles of stress along z and x with theory, and sections of stress and of its error; a row for each variant."""
+    figure = style.new_figure(height=3.1 * len(fields))
+    grid = figure.subplots(len(fields), 4, squeeze=False, width_ratios=[1.2, 1.2, 0.9, 0.9])
+    for axes, (name, (cavity, exact)) in zip(grid, fields.items(), strict=True):
+        profile(axes[0], f"{name}, along z", cavity, exact, 2)
+        profile(axes[1], f"{name}, along x", cavity, exact, 0)
+        sections(figure, axes[2:], cavity, exact)
+    return figure
+
+
+def profile(axes, title: str, cavity: Cavity, exact: SphericalInclusion, axis: int) -> None:
+    """zz and xx along an axis: particles of the first row of cells beside it, and the exact lines."""
+    off = np.delete(cavity.place, axis, axis=1)
+    size = cavity.grid.cell_size.values[cavity.particle_cell]
+    shown = cavity.fill | (cavity.distance > cavity.radius)  # Particles of cut cells may lie in the void.
+    near = np.flatnonzero((off < size[:, None]).all(axis=1) & shown & (cavity.distance < PROFILE_RADII * cavity.radius))
+    line = np.zeros((500, 3))
+    line[:, axis] = np.linspace(1e-3, PROFILE_RADII, 500) * cavity.radius
+    theory = exact.stress(line)
+    theory[np.abs(line[:, axis] - cavity.radius) < 0.005 * cavity.radius] = np.nan  # Stress jumps at the wall.
+    axes.axvline(cavity.radius, color=style.OUTLINE, linewidth=0.6, linestyle=":")
+    plot_series(
+        axes,
+        {name: (cavity.distance[near], cavity.stress[near, i, i] * MPA) for name, i in (("xx", 0), ("zz", 2))},
+        {name: (line[:, axis], theory[:, i, i] * MPA) for name, i in (("xx", 0), ("zz", 2))},
+        title=title,
+        xlabel="distance from the centre (m)",
+        ylabel="stress (MPa)",
+    )
+
+
+def sections(figure: Figure, panels, cavity: Cavity, exact: SphericalInclusion) -> None:
+    """zz beside the plane y = 0, and its error."""
+    near = cavity.place[:, 1] < cavity.grid.cell_size.values[cavity.particle_cell]
+    place, found = cavity.place[near][:, [0, 2]], cavity.stress[near, 2, 2]
+    error = (found - exact.stress(cavity.place[near])[:, 2, 2]) / np.abs(exact.virgin_stress).max()
+    limits = {"cmap": "RdBu_r", "vmin": -SECTION_ERROR_LIMIT, "vmax": SECTION_ERROR_LIMIT}
+    void = 0.0 if cavity.fill.any() else cavity.radius
+    for axes, values, title, look in (
+        (panels[0], found * MPA, "zz (MPa)", {}),
+        (panels[1], 100 * error, "error (%)", limits),
+    ):
+        drawn = plot_section(axes, place, values, (0.0, SECTION_RADII * cavity.radius), void, **look)
+        add_circle(axes, cavity.radius)
+        axes.set(title=title, xlabel="x (m)", ylabel="z (m)")
+        figure.colorbar(drawn, ax=axes, shrink=0.8, extend="both" if look else "neither")

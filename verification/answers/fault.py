@@ -5,10 +5,28 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from catalogs.figures import style
-from verification.answers.fault.planes import normal_of, share_within
-from verification.energy_rows import closing_row
+from verification.comparisons import closing_row, vanishing
 from verification.results import Results, Variant
 from verification.rows import Row
+
+
+def normal_of(material: dict) -> np.ndarray:
+    """Upward unit normal (3,) of a material's planes. x east, y north, z up; dip direction clockwise from north."""
+    dip, direction = (np.radians(material["planes"][key]) for key in ("dip", "dip_direction"))
+    return np.array([np.sin(dip) * np.sin(direction), np.sin(dip) * np.cos(direction), np.cos(dip)])
+
+
+def share_within(tensor: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Share (2-norm) of tensors (..., 3, 3) that is no slip along planes with normal n.
+
+    It is 0 for n g + g n with g in the planes. The rest deforms the planes within themselves, or opens or closes them.
+    """
+    across = np.outer(normal, normal)
+    within = np.eye(3) - across
+    slip = within @ tensor @ across
+    rest = tensor - slip - np.swapaxes(slip, -1, -2)
+    size = np.linalg.norm(tensor, axis=(-2, -1))
+    return np.linalg.norm(rest, axis=(-2, -1)) / np.where(size > 0.0, size, 1.0)
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
@@ -42,18 +60,18 @@ def variant_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
         return rows
     share = float(share_within(tensors, normal).max())
     quantity = f"{name}: largest share of an event's potency that is not slip along the planes"
-    rows.append(Row(quantity, 0.0, share, share, allowed))
+    rows.append(vanishing(quantity, share, allowed))
     on_planes = float(np.concatenate([event["on_planes"].values for event in events]).min())
     rows.append(
         Row(f"{name}: least share of an event that its table puts on planes", 1.0, on_planes, 1.0 - on_planes, 0.0)
     )
     cell = float(variant.grid.attrs["fine_cell"])
     off = float(np.maximum(np.abs((places - middle) @ normal) - half, 0.0).max() / cell)
-    rows.append(Row(f"{name}: farthest event outside the fault, cells", 0.0, off, off, 1.0))
+    rows.append(vanishing(f"{name}: farthest event outside the fault, cells", off, 1.0))
     work = sense(variant)
     against = float(np.sum(work < 0.0) / len(work))
     quantity = f"{name}: share of particles that slipped against the virgin shear stress"
-    rows.append(Row(quantity, 0.0, against, against, None, "mining turns the shear stress round beside the stope"))
+    rows.append(vanishing(quantity, against, remark="mining turns the shear stress round beside the stope"))
     return rows
 
 
@@ -71,23 +89,22 @@ def sense(variant: Variant) -> np.ndarray:
 
 def draw(results: Results) -> Figure:
     """Events by step in the section, with fault and stopes."""
-    with style.applied():
-        figure = style.new_figure(height=5.0)
-        panels = figure.subplots(1, len(results.variants), squeeze=False)[0]
-        for axes, (name, variant) in zip(panels, results.variants.items(), strict=True):
-            axes.add_patch(Polygon(variant.values["rock_bodies"][0]["points"], facecolor=style.FILL))
-            for entry in variant.values["excavations"]:
-                (left, bottom), (right, top) = entry["lower"], entry["upper"]
-                corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-                axes.add_patch(Polygon(corners, facecolor=style.EXCAVATION, edgecolor=style.OUTLINE))
-            colours = style.step_colours([True] * len(variant.step_names))
-            for step, colour in zip(variant.step_names, colours, strict=True):
-                events = variant.events(step)
-                x, _, z = events["location"].values.T
-                size = 4.0 + 40.0 * np.sqrt(
-                    events["potency"].values / max(events["potency"].values.max(initial=0.0), 1e-30)
-                )
-                axes.scatter(x, z, s=size, color=colour, label=step, alpha=0.8)
-            axes.set(title=name, xlabel="x (m)", ylabel="z (m)", aspect="equal", xlim=(30, 100), ylim=(20, 100))
-            axes.legend()
+    figure = style.new_figure(height=5.0)
+    panels = figure.subplots(1, len(results.variants), squeeze=False)[0]
+    for axes, (name, variant) in zip(panels, results.variants.items(), strict=True):
+        axes.add_patch(Polygon(variant.values["rock_bodies"][0]["points"], facecolor=style.FILL))
+        for entry in variant.values["excavations"]:
+            (left, bottom), (right, top) = entry["lower"], entry["upper"]
+            corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+            axes.add_patch(Polygon(corners, facecolor=style.EXCAVATION, edgecolor=style.OUTLINE))
+        colours = style.step_colours([True] * len(variant.step_names))
+        for step, colour in zip(variant.step_names, colours, strict=True):
+            events = variant.events(step)
+            x, _, z = events["location"].values.T
+            size = 4.0 + 40.0 * np.sqrt(
+                events["potency"].values / max(events["potency"].values.max(initial=0.0), 1e-30)
+            )
+            axes.scatter(x, z, s=size, color=colour, label=step, alpha=0.8)
+        axes.set(title=name, xlabel="x (m)", ylabel="z (m)", aspect="equal", xlim=(30, 100), ylim=(20, 100))
+        axes.legend()
     return figure
