@@ -54,7 +54,8 @@ def plot_series(
             if np.isfinite(place).all():
                 axes.annotate(text, place, (5, 3), textcoords="offset points", color=colour, fontsize=7)
         if exact and name in exact:
-            axes.plot(*exact[name], color=colour, linewidth=1.1, path_effects=[withStroke(linewidth=2.6, foreground="white")])
+            halo = [withStroke(linewidth=2.6, foreground="white")]
+            axes.plot(*exact[name], color=colour, linewidth=1.1, path_effects=halo)
     dark = [name for name in exact or {} if name not in series]
     for name, look in zip(dark, ("-", "--", "-.", ":"), strict=False):
         axes.plot(*(exact or {})[name], look, color="black", linewidth=1.0, label=name)
