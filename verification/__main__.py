@@ -1,65 +1,99 @@
-"""Command lines of the verification: python -m verification answer | report | verdict."""
+"""Command line of the studies: python -m verification case | table | answer | verdict | pages | solve."""
 
 import argparse
-import importlib
-import json
-import logging
+from collections.abc import Callable
 from pathlib import Path
 
-from common.errors import InputError
-from verification.command_line import Stage, run_command
+from common.command_line import CommandLine
+from common.stage import run_stage
+
+
+def case(arguments: argparse.Namespace) -> None:
+    """Measure one case of a measuring study."""
+    from common.provenance import use_numba_cache
+
+    use_numba_cache()
+    from verification.frame import measure_case
+
+    inputs = {kind: paths for kind, *paths in arguments.input}
+    measure_case(arguments.study, arguments.case, inputs, arguments.threads, Path(arguments.output))
+
+
+def table(arguments: argparse.Namespace) -> None:
+    """Write the table of a measuring study from its cases, or of all studies with a known answer from their tables."""
+    from verification.frame import VERIFICATION, write_summary, write_tables
+
+    if arguments.study == VERIFICATION:
+        write_summary(arguments.cases, Path(arguments.output))
+    else:
+        write_tables(arguments.study, arguments.cases, Path(arguments.output))
 
 
 def answer(arguments: argparse.Namespace) -> None:
-    """Write rows.csv and figure.svg of one study."""
-    from catalogs.figures import style
-    from verification.results import read_results
-    from verification.rows import write_rows
-    from verification.studies import load_study
+    """Compare the results of a study with its known answer."""
+    from verification.frame import write_answer
 
-    study = load_study(arguments.study, json.loads(arguments.default))
-    module = importlib.import_module(f"verification.answers.{study.answer}")
-    with style.applied():
-        rows, figure = module.answer(read_results(study, Path(arguments.results), Path(arguments.logs)))
-        style.save(figure, Path(arguments.figure))
-    for row in rows:
-        logging.info("%s: expected %g, obtained %g, passed %s", row.quantity, row.expected, row.obtained, row.passed)
-    write_rows(arguments.rows, [(study.name, row) for row in rows])
+    write_answer(arguments.study, Path(arguments.output), Path(arguments.figure), Path(arguments.costs))
 
 
-def report(arguments: argparse.Namespace) -> None:
-    """Write report.html and summary.csv of several studies."""
-    from verification.report import write_report
-    from verification.studies import load_study
+def solve(arguments: argparse.Namespace) -> None:
+    """Solve one case of the benchmarks by our own stages in this process; the result goes to standard output."""
+    from verification.benchmarks.ours import solve
+    from verification.benchmarks.settings import read_settings
 
-    studies = [load_study(path, json.loads(arguments.default)) for path in arguments.studies]
-    write_report(studies, Path(arguments.results), Path(arguments.logs), Path(arguments.page), Path(arguments.summary))
+    settings = read_settings()
+    solve(settings, settings.case(arguments.case), arguments.threads)
 
 
 def verdict(arguments: argparse.Namespace) -> None:
     """Fail in one line where a row fails that is not a known miss."""
-    from verification.known_misses import KNOWN_MISS, PASSES_NOW
-    from verification.rows import VERDICTS, read_rows
+    from verification.frame import give_verdict
 
-    rows = read_rows(arguments.summary)
-    for row in rows:
-        if row["passed"] == PASSES_NOW:
-            file = f"config/verification/{row['scene']}.yaml"
-            logging.warning("%s: '%s' passes now; take it off known_misses", file, row["quantity"])
-    failing = [f"{row['scene']}: {row['quantity']}" for row in rows if row["passed"] == VERDICTS[False]]
-    known = sum(row["passed"] == KNOWN_MISS for row in rows)
-    beside = f", beside {known} known miss{'es' if known > 1 else ''}" if known else ""
-    if failing:
-        first = "; ".join(failing[:3]) + ("; ..." if len(failing) > 3 else "")
-        raise InputError(f"{len(failing)} of {len(rows)} rows fail{beside} ({first}); see {arguments.page}")
-    logging.info("no row of %d fails%s", len(rows), beside)
+    give_verdict(arguments.study, Path(arguments.table))
+
+
+def pages(arguments: argparse.Namespace) -> None:
+    """Write measured results into the pages of docs/studies, or list the pages that are older than the numerics."""
+    from verification.pages import older_pages, rewrite
+
+    if arguments.check:
+        print("\n".join(older_pages()) or "no page is older than the numerics")
+    else:
+        print(", ".join(rewrite(arguments.results)) or "no results; marks and index are up to date")
+
+
+def main() -> None:
+    """Parse the command line and run the command."""
+    parser = CommandLine(prog="python -m verification", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+
+    def add(function: Callable[[argparse.Namespace], None], *positional: str) -> CommandLine:
+        command = commands.add_parser(function.__name__, description=function.__doc__)
+        for name in positional:
+            command.add_argument(name)
+        command.add_argument("--log")
+        command.set_defaults(function=function, positional=positional)
+        return command
+
+    command = add(case, "study", "case")
+    command.add_argument("--input", nargs="+", action="append", default=[], help="kind of input, and its files")
+    command.add_argument("--threads", type=int, default=1)
+    command.add_argument("--output", required=True)
+    command = add(table, "study")
+    command.add_argument("--cases", nargs="+", required=True)
+    command.add_argument("--output", required=True)
+    command = add(answer, "study")
+    for option in ("output", "figure", "costs"):
+        command.add_argument(f"--{option}", required=True)
+    add(solve, "case").add_argument("--threads", type=int, default=1)
+    add(verdict, "study").add_argument("--table", required=True)
+    command = add(pages)
+    command.add_argument("results", type=Path, nargs="?", help="folder results of a checkout that ran the studies")
+    command.add_argument("--check", action="store_true", help="list pages that are older than the numerics")
+    arguments = parser.parse_args()
+    name = " ".join([arguments.command, *(getattr(arguments, name) for name in arguments.positional)])
+    run_stage(name, arguments.log, lambda: arguments.function(arguments), arguments.function.__doc__)
 
 
 if __name__ == "__main__":
-    run_command(
-        "verification",
-        __doc__,
-        Stage(answer, ("study", "default", "results", "logs", "rows", "figure"), made="rows"),
-        Stage(report, ("studies+", "default", "results", "logs", "page", "summary"), made="page"),
-        Stage(verdict, ("summary", "page"), made="summary"),
-    )
+    main()

@@ -1,4 +1,4 @@
-"""A study's table as Markdown: all rows one by one, and the tables that `on_page.py` beside its answer declares."""
+"""A study's table as Markdown: all rows one by one, and the tables that the study declares for its page."""
 
 import math
 import re
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from verification.known_misses import KNOWN_MISS, PASSES_NOW
-from verification.rows import VERDICTS
+from verification.rows import KNOWN_MISS, PASSES_NOW, VERDICTS
 
 VERDICT_TEXTS = {
     VERDICTS[True]: "passes",
@@ -41,7 +40,7 @@ CELL_TEXTS: dict[str, Callable[[dict[str, str]], str]] = {
 
 @dataclass(frozen=True)
 class Pivot:
-    """Rows of rows.csv side by side.
+    """Rows of table.csv side by side.
 
     title: what the numbers are. pattern: regular expression of the quantity, with the groups `row` and `column`.
     shows: a key of CELL_TEXTS.
@@ -52,7 +51,7 @@ class Pivot:
     shows: str
 
     def place(self, row: dict[str, str]) -> tuple[str, str] | None:
-        """Row and column of the pivot in which a row of rows.csv stands; None where it belongs to no place of it."""
+        """Row and column of the pivot in which a row of table.csv stands; None where it belongs to no place of it."""
         found = re.fullmatch(self.pattern, row["quantity"])
         return (found["row"], found["column"]) if found else None
 
@@ -73,6 +72,7 @@ class Pivot:
         return CELL_FORMATS.get(row["passed"], "{}").format(text) if text else ""
 
 
+TABLE = "table"  # Name, without its ending, of the file of a measuring study's rows; it may write others beside it.
 # A column and its values in the rows that a table shows. Empty: all rows.
 Chosen = tuple[()] | tuple[str, tuple[str, ...]]
 
@@ -84,15 +84,18 @@ def choose(table: pd.DataFrame, chosen: Chosen) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Columns:
-    """Some columns of a table.csv, one line for each row. Equal lines stand once."""
+    """Some columns of the CSV `file` of a measuring study, one line for each row. Equal lines stand once."""
 
     title: str
     names: tuple[str, ...]
     chosen: Chosen = ()
+    file: str = TABLE
 
     def lines(self, table: pd.DataFrame) -> list[str]:
-        """Its title and its table."""
+        """Its title and its table; nothing where no row is chosen."""
         shown = choose(table, self.chosen)[list(self.names)].drop_duplicates()
+        if shown.empty:
+            return []
         rows = [[_text(value) for value in row] for row in shown.itertuples(index=False)]
         return [f"{self.title}:", "", *markdown([name.replace("_", " ") for name in self.names], rows)]
 
@@ -104,6 +107,7 @@ class Counts:
     title: str
     row: str
     column: str
+    file: str = TABLE
 
     def lines(self, table: pd.DataFrame) -> list[str]:
         """Its title and its table."""
@@ -123,6 +127,7 @@ class Cross:
     column: str
     value: str
     chosen: Chosen = ()
+    file: str = TABLE
 
     def lines(self, table: pd.DataFrame) -> list[str]:
         """Its title and its table."""
@@ -132,7 +137,7 @@ class Cross:
         for names, rows in table.groupby(list(self.by), sort=False):
             values = rows.set_index(self.column)[self.value]
             body.append([*map(str, names), *(_text(values.get(column, math.nan)) for column in columns)])
-        return [f"{self.title}:", "", *markdown([*self.by, *(f"{column:,}" for column in columns)], body)]
+        return [f"{self.title}:", "", *markdown([*self.by, *map(_heading, columns)], body)]
 
 
 def rows_table(rows: list[dict[str, str]]) -> list[str]:
@@ -150,6 +155,10 @@ def markdown(head: Iterable[str], body: Iterable[Iterable[str]]) -> list[str]:
     lines = [list(head), *map(list, body)]
     text = ["| " + " | ".join(cell.replace("|", r"\|").replace("<", r"\<") for cell in line) + " |" for line in lines]
     return [text[0], "|" + " --- |" * len(lines[0]), *text[1:]]
+
+
+def _heading(column) -> str:
+    return column if isinstance(column, str) else f"{column:,}"
 
 
 def _text(value) -> str:

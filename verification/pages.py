@@ -1,54 +1,35 @@
-"""Measured results on the pages of docs/studies: python -m verification.pages RESULTS
+"""Measured results on the pages of docs/studies: python -m verification pages [RESULTS] [--check]
 
 A page is written by hand except for its blocks. A block stands between two comments and belongs to one study. This
 command rewrites the blocks of all studies that have a table in the folder RESULTS (results of a checkout), and copies
-their figures. The other blocks stay as they are.
+their figures. The other blocks keep their results. Every block says so where the numerics changed after the commit that
+its results were made at.
 """
 
 import importlib
-import importlib.util
 import io
 import re
-import subprocess
 from collections import Counter
-from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pandas as pd
-import yaml
-from common.provenance import ROOT
 
-from common.command_line import CommandLine
 from common.datasets import atomic_path
 from common.errors import InputError
-from common.stage import run_stage
-from verification.known_misses import KNOWN_MISS, PASSES_NOW, judge, parse_known_misses
-from verification.page_tables import LEGEND, Pivot, markdown, rows_table
-from verification.rows import VERDICTS, read_rows
-
-
-@dataclass(frozen=True)
-class Target:
-    """How a measuring study is run: its package in verification, and the cores that Snakemake is given."""
-
-    package: str
-    cores: str = "all"
-
+from verification.frame import COST_COLUMNS, COSTS, load
+from verification.made import NUMERICS, ROOT, UNKNOWN, Made, is_older
+from verification.page_tables import LEGEND, TABLE, Columns, Pivot, markdown, rows_table
+from verification.rows import KNOWN_MISS, PASSES_NOW, VERDICTS, parse_known_misses, read_rows
+from verification.studies import FOLDER, MEASURING
+from workflow.strict_yaml import read_yaml
 
 PAGES = ROOT / "docs" / "studies"
-STUDIES = ROOT / "config" / "verification"
-MEASURING = {  # Studies whose results are a table.csv.
-    "tradeoff": Target("tradeoff"),
-    "catalog_spread": Target("spread"),
-    "benchmarks": Target("benchmarks", cores="2"),
-    "stability": Target("stability"),
-    "extremes": Target("extremes"),
-    "calibration_truth": Target("calibration_truth"),
-}
+CORES = {"benchmarks": "2"}  # That Snakemake is given for a measuring study; all for the others.
 POINTS_OF = ("tradeoff_", "spread_")  # Files of config/verification whose runs stand in one of those tables.
 INDEX = "index"
 BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)", re.DOTALL)
+MADE = re.compile(r"Made on \S+ at commit `([^`]+)`")
+OLDER = f"They are *older than the numerics*: {' or '.join(f'`{folder}`' for folder in NUMERICS)} has changed since."
 COUNTS = re.compile(r"(\d+) rows?, (\d+) judged: (\d+) pass(?:es)?, (\d+) known miss(?:es)?, (\d+) fails?\.")
 INDEX_FACTS = ("Checks", "Reference")  # Facts that the index quotes from each page.
 # Widths of a figure, pixels. The first one whose file is below MAX_FIGURE_BYTES is taken.
@@ -59,23 +40,24 @@ MAX_FIGURE_BYTES = 150_000
 
 def studies() -> list[str]:
     """Names of all studies that have a block on a page."""
-    files = sorted(path.stem for path in STUDIES.glob("*.yaml"))
+    files = sorted(path.stem for path in FOLDER.glob("*.yaml"))
     return [name for name in files if not name.startswith(POINTS_OF)] + list(MEASURING)
 
 
-def rewrite(results: Path, pages: Path = PAGES) -> list[str]:
+def rewrite(results: Path | None, pages: Path = PAGES) -> list[str]:
     """Rewrite the blocks of the studies with results and copy their figures; returns the names of these studies.
 
-    Raises InputError where the folder or a table in it is missing, a study is unknown, or a page lacks its markers.
+    Without results all blocks keep theirs. In any case blocks are marked whose results are older than the numerics, and
+    the index is renewed. Raises InputError where the folder or a table in it is missing, a study is unknown, or a page
+    lacks its markers.
     """
-    tables = find_tables(results)
-    texts = {path: path.read_text(encoding="utf-8") for path in sorted(pages.glob("*.md"))}
-    check_blocks(texts)
+    tables = find_tables(results) if results else {}
+    texts = read_pages(pages)
     blocks = {name: block(name, table, pages / "figures") for name, table in tables.items()}
 
     def fill(match: re.Match) -> str:
         old = match[3] if "|" in match[3] else not_measured(match[2])
-        return match[1] + blocks.get(match[2], old) + match[4]
+        return match[1] + marked(blocks.get(match[2], old)) + match[4]
 
     texts = {path: BLOCK.sub(fill, text) for path, text in texts.items()}
     index = pages / f"{INDEX}.md"
@@ -87,21 +69,49 @@ def rewrite(results: Path, pages: Path = PAGES) -> list[str]:
     return list(tables)
 
 
+def read_pages(pages: Path) -> dict[Path, str]:
+    """Texts of all pages. Raises InputError where a marker is missing or wrong."""
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted(pages.glob("*.md"))}
+    check_blocks(texts)
+    return texts
+
+
+def older_pages(pages: Path = PAGES) -> list[str]:
+    """A line for each study whose results are older than the numerics: page, study and commit."""
+    return [
+        f"{path.stem}.md: {match[2]} was made at commit {commit}"
+        for path, text in read_pages(pages).items()
+        for match in BLOCK.finditer(text)
+        for commit in MADE.findall(match[3])
+        if is_older(commit)
+    ]
+
+
+def marked(text: str) -> str:
+    """Text of a block with a sentence that says so where its results are older than the numerics."""
+    text = text.replace(f" {OLDER}", "")
+    made = MADE.search(text)
+    if not made or not is_older(made[1]):
+        return text
+    first, rest = text.split("\n", 1)
+    return f"{first} {OLDER}\n{rest}"
+
+
 def find_tables(results: Path) -> dict[str, Path]:
     """The table of each study that has one."""
     if not results.is_dir():
         raise InputError(f"{results}: no such folder; name the folder results of a checkout that ran the studies")
     known = studies()
-    found = {path.parent.name: path for path in sorted(results.glob("verification/*/rows.csv"))}
+    found = {path.parent.name: path for path in sorted(results.glob(f"verification/*/{TABLE}.csv"))}
     found = {name: path for name, path in found.items() if not name.startswith(POINTS_OF)}
     unknown = [name for name in found if name not in known]
     if unknown:
         raise InputError(
-            f"{found[unknown[0]]}: {STUDIES.relative_to(ROOT)} has no study '{unknown[0]}'; remove its folder"
+            f"{found[unknown[0]]}: {FOLDER.relative_to(ROOT)} has no study '{unknown[0]}'; remove its folder"
         )
     found |= {name: results / name / "table.csv" for name in MEASURING if (results / name / "table.csv").is_file()}
     if not found:
-        raise InputError(f"{results}: holds neither verification/<study>/rows.csv nor <study>/table.csv")
+        raise InputError(f"{results}: holds neither verification/<study>/table.csv nor <study>/table.csv")
     return found
 
 
@@ -130,39 +140,46 @@ def check_blocks(texts: dict[Path, str]) -> None:
 def block(name: str, table: Path, figures: Path) -> str:
     """Text of one study's block. Its figures are drawn into the folder `figures`."""
     if name in MEASURING:
-        title, counts, lines = _measured(name, pd.read_csv(table))
+        title, counts, lines = _measured(name, table)
     else:
-        title, counts, lines = _verified(name, read_rows(table))
+        title, counts, lines = _verified(name, table)
     pictures = []
     for figure in sorted(table.parent.glob("*.svg")):
         copy = figures / (f"{name}.png" if figure.stem == "figure" else f"{name}_{figure.stem}.png")
         draw(figure, copy)
         pictures += [f"![{title}]({figures.name}/{copy.name})", ""]
-    return "\n".join([f"{made(table)} {counts}", "", *pictures, *lines]) + "\n"
+    made = Made.read(table)
+    if made.commit == UNKNOWN:
+        raise InputError(f"{table}: was made in no git checkout, which would tell the commit that it was made at")
+    return "\n".join([f"{made.sentence()} {counts}", "", *pictures, *lines]) + "\n"
 
 
-def _measured(name: str, table: pd.DataFrame) -> tuple[str, str, list[str]]:
+def _measured(name: str, table: Path) -> tuple[str, str, list[str]]:
     """Title, counts and tables of a measuring study."""
     lines = []
-    for declared in tables_of(MEASURING[name].package):
+    for shown in load(name).shown:
+        file = table.with_stem(shown.file)
         try:
-            lines += [*declared.lines(table), ""]
-        except KeyError as error:
+            lines += [*shown.lines(pd.read_csv(file)), ""]
+        except (KeyError, FileNotFoundError) as error:
+            missing = f"has no column {error.args[0]}" if isinstance(error, KeyError) else "is missing"
             raise InputError(
-                f"table.csv of {name}: has no column {error.args[0]}; an earlier version made it: run the target again"
+                f"{file.name} of {name}: {missing}; an earlier version made it: run the target again"
             ) from error
-    return f"Results of {name}", f"{len(table)} rows.", lines
+    return f"Results of {name}", f"{len(pd.read_csv(table))} rows.", lines
 
 
-def _verified(name: str, rows: list[dict[str, str]]) -> tuple[str, str, list[str]]:
-    """Title, counts and tables of a verification study, and the causes of its known misses."""
-    study = yaml.safe_load((STUDIES / f"{name}.yaml").read_text(encoding="utf-8"))
-    known = parse_known_misses(study.get("known_misses"))
-    rows = judge(rows, known)
+def _verified(name: str, table: Path) -> tuple[str, str, list[str]]:
+    """Title, counts and tables of a study with a known answer."""
+    study, rows = read_yaml(FOLDER / f"{name}.yaml"), read_rows(table)
     lines = _verification_tables(rows, answer_tables(study["answer"]))
+    known = parse_known_misses(study.get("known_misses"))
     causes = Counter(known[row["quantity"]].cause for row in rows if row["passed"] == KNOWN_MISS)
     if causes:
         lines += ["Causes of the known misses:", "", *(f"- {cause} (rows: {n})" for cause, n in causes.items()), ""]
+    costs = table.with_stem(COSTS)
+    if costs.is_file():
+        lines += [*Columns("Cells, time and memory of each variant", COST_COLUMNS).lines(pd.read_csv(costs)), ""]
     return study["title"], _counts(rows), lines
 
 
@@ -192,39 +209,17 @@ def _counts(rows: list[dict[str, str]]) -> str:
     )
 
 
-def tables_of(package: str) -> tuple:
-    """Tables of a study's page: TABLES of `on_page.py` in its package, and none without that file."""
-    module = f"verification.{package}.on_page"
-    return importlib.import_module(module).TABLES if importlib.util.find_spec(module) else ()
-
-
 def answer_tables(answer: str) -> tuple[Pivot, ...]:
-    """Tables of the page of a study with an answer: TABLES of the answer's module, and none without them."""
+    """Tables of the page of a study with a known answer: TABLES of the answer's module, and none without them."""
     return getattr(importlib.import_module(f"verification.answers.{answer}"), "TABLES", ())
-
-
-def made(table: Path) -> str:
-    """Sentence that says when a table was written and at which commit its checkout stood then."""
-    when = datetime.fromtimestamp(table.stat().st_mtime, UTC)
-    command = [
-        "git",
-        "-C",
-        str(table.resolve().parent),
-        "rev-parse",
-        "--short=7",
-        f"HEAD@{{{when:%Y-%m-%d %H:%M:%S} +0000}}",
-    ]
-    run = subprocess.run(command, capture_output=True, text=True)
-    if run.returncode:
-        raise InputError(f"{table}: is in no git checkout, which would tell the commit that it was made at")
-    return f"Made on {when:%Y-%m-%d} at commit `{run.stdout.strip()}`."
 
 
 def not_measured(name: str) -> str:
     """Text of a block without results: the command that makes them."""
-    cores = MEASURING[name].cores if name in MEASURING else "all"
-    target = name if name in MEASURING else f"results/verification/{name}/rows.csv"
-    return f"No results are kept here yet. `.venv/bin/snakemake --cores {cores} {target}` makes them.\n"
+    target = name if name in MEASURING else f"results/verification/{name}/{TABLE}.csv"
+    return (
+        f"No results are kept here yet. `.venv/bin/snakemake --cores {CORES.get(name, 'all')} {target}` makes them.\n"
+    )
 
 
 def draw(figure: Path, copy: Path) -> None:
@@ -266,15 +261,3 @@ def _told(name: str, text: str, start: str) -> str:
     if not found:
         raise InputError(f"docs/studies/{name}.md: needs a line '{start}...'")
     return found[1].rstrip(".")
-
-
-def main() -> None:
-    """Parse the command line and rewrite the pages."""
-    parser = CommandLine(prog="python -m verification.pages", description=__doc__)
-    parser.add_argument("results", type=Path)
-    arguments = parser.parse_args()
-    run_stage("pages", None, lambda: print(", ".join(rewrite(arguments.results))), "pages of the studies")
-
-
-if __name__ == "__main__":
-    main()

@@ -4,19 +4,32 @@ The base scene stands in the study, or it is that of a mine's file (scene_from) 
 """
 
 import copy
+import functools
 import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
+from snakemake.utils import update_config
 
 from common.errors import InputError, InputErrors
-from verification.known_misses import KnownMiss, parse_known_misses
+from verification.rows import KnownMiss, parse_known_misses
 from workflow.checks import PLANNED
 from workflow.configuration import load
 from workflow.mine import Mine
+from workflow.strict_yaml import read_yaml
 
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "config" / "verification"
+MEASURING = {  # Studies that measure cases of their own, which are targets, too, and the packages of each.
+    "tradeoff": "tradeoff",
+    "catalog_spread": "spread",
+    "benchmarks": "benchmarks",
+    "stability": "stability",
+    "extremes": "extremes",
+    "calibration_truth": "calibration_truth",
+}
 KEYS = (
     "answer",
     "title",
@@ -59,17 +72,24 @@ class Study:
 def merge(base: dict, changes: dict) -> dict:
     """A copy of `base` with `changes`. Mappings merge; everything else, lists included, is replaced."""
     result = copy.deepcopy(base)
-    for key, value in changes.items():
-        both = isinstance(result.get(key), dict) and isinstance(value, dict)
-        result[key] = merge(result[key], value) if both else copy.deepcopy(value)
+    update_config(result, copy.deepcopy(changes))
     return result
 
 
-def load_study(path: str | os.PathLike, default: dict) -> Study:
-    """Read and check a study file. Raises InputError, one line, naming file, variant and key."""
-    path = Path(path)
-    text = _read(path, "study")
-    if not isinstance(text, dict) or not {"answer", "title"} <= set(text):
+@functools.cache
+def default_settings() -> dict:
+    """The content of config/default.yaml, which no one may change."""
+    return yaml.safe_load((ROOT / "config" / "default.yaml").read_text(encoding="utf-8"))
+
+
+def load_study(path: str | os.PathLike, default: dict | None = None) -> Study:
+    """Read and check a study file. Raises InputError, one line, naming file, variant and key.
+
+    default: what scenes leave out, by default the content of config/default.yaml.
+    """
+    path, default = Path(path), default or default_settings()
+    text = read_yaml(path)
+    if not {"answer", "title"} <= set(text):
         raise InputError(f"{path}: a study needs the keys answer and title")
     unknown = sorted(set(text) - set(KEYS))
     if unknown:
@@ -84,9 +104,7 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
     source, mine = path, {}
     if "scene_from" in text:  # Its paths resolve from its own folder, and its mistakes are reported under its own name.
         source = Path(os.path.normpath(path.parent / text["scene_from"]))
-        mine = _read(source, "mine")
-        if not isinstance(mine, dict):
-            raise InputError(f"{source}: not a mine; scene_from of {path} takes a file of config/mines")
+        mine = read_yaml(source)
         mine.pop("record", None)  # No study compares a record.
     base = merge(mine, text.get("scene") or {})
     mines = {}
@@ -113,14 +131,6 @@ def load_study(path: str | os.PathLike, default: dict) -> Study:
         known_misses=known_misses,
         mines=mines,
     )
-
-
-def _read(path: Path, what: str):
-    """Content of a YAML file. Raises InputError that says what the file should be."""
-    try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: not a readable {what} ({' '.join(str(error).split())})") from error
 
 
 def _leave_planned(scene: dict, mine: dict) -> None:

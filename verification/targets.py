@@ -1,16 +1,20 @@
-"""Which files the rules of the studies read, and the mines that studies add to those of a run."""
+"""What the rules of the studies read and make, and the mines that studies add to those of a run."""
 
 import functools
 import json
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
-from common.sources import source_hash
 from snakemake.iocontainers import Wildcards
 
 from common.errors import InputError
-from verification.studies import Study, load_study
+from common.sources import source_hash
+from verification.benchmarks.settings import Settings, read_settings
+from verification.calibration_truth.settings import TERMS
+from verification.stability import KEYS, SEVERAL_SEEDS
+from verification.studies import MEASURING, Study, load_study
 from workflow.folders import NAME
 from workflow.mine import Mine
 from workflow.result_files import stage_results
@@ -58,19 +62,20 @@ class Studies:
         """Names of the studies that the target `verification` runs."""
         return [name for name in self.named("") if not self.read(name).on_request]
 
-    def verified_files(self, wildcards: Wildcards) -> list[str]:
-        """The files of these studies."""
-        return [self.file(name) for name in self.verified()]
-
-    def answers(self, wildcards: Wildcards) -> list[str]:
-        """Rows and figures of these studies."""
-        return [
-            f"results/verification/{name}/{file}" for name in self.verified() for file in ("rows.csv", "figure.svg")
-        ]
+    def tables(self, wildcards: Wildcards) -> list[str]:
+        """Tables of these studies."""
+        return [f"results/verification/{name}/table.csv" for name in self.verified()]
 
     def answer_sources(self, wildcards: Wildcards) -> str:
-        """Hash of the sources of a study's answer: the stage, and the module that the study names."""
-        return source_hash("verification answer", f"verification.answers.{self.read(wildcards.study).answer}")
+        """Hash of the sources of a study's answer: the stage, and the module that the study names.
+
+        Ends the run in one line for a scene of a measuring study, whose rows stand in the table of that study.
+        """
+        answer = self.read(wildcards.study).answer
+        for target, package in MEASURING.items():
+            if answer == package:
+                sys.exit(f"config/verification/{wildcards.study}.yaml: its rows stand in results/{target}/table.csv")
+        return source_hash("verification answer", f"verification.answers.{answer}")
 
     def results(self, wildcards: Wildcards) -> list[str]:
         """Results of all stages of all variants of a study."""
@@ -85,3 +90,90 @@ class Studies:
             for key, mine in study.mines.items():
                 files += stage_results(f"verification/{name}/{key}", mine, folders)
         return files
+
+
+MEMORY = {"tradeoff": 6000, "catalog_spread": 4000, "stability": 2000, "benchmarks": 21000}  # Of a case, MiB.
+
+
+class Cases:
+    """Cases of the measuring studies: a file for each, and what its job needs. A target is the name of such a study.
+
+    Benchmarks run one after the other: each case takes all threads and waits for the one before it.
+    """
+
+    def __init__(self, studies: Studies):
+        self.studies = studies
+        self.benchmarks = functools.cache(self._benchmarks)
+
+    def _benchmarks(self) -> Settings:
+        """Settings of the benchmarks. Ends the run in one line if their file is wrong."""
+        try:
+            return read_settings()
+        except InputError as error:
+            sys.exit(str(error))
+
+    def names(self, target: str) -> list[str]:
+        """Names of the cases of a target, in the order of its table."""
+        match target:
+            case "tradeoff":
+                return self.studies.named("tradeoff_")
+            case "catalog_spread":
+                return self.studies.named("spread_")[::-1]  # The smallest scene first.
+            case "benchmarks":
+                return [case.name for case in self.benchmarks().cases()]
+            case "calibration_truth":
+                return list(TERMS)
+        return list({"stability": KEYS, "extremes": SEVERAL_SEEDS}[target])
+
+    def files(self, target: str) -> list[str]:
+        """Results of these cases. Those of `extremes` are cases of stability, so that none runs for both."""
+        folder = "stability" if target == "extremes" else target
+        return [f"results/{folder}/cases/{name}.json" for name in self.names(target)]
+
+    def inputs(self, wildcards: Wildcards) -> list[str]:
+        """Files that a case waits for: results of a study's stages, or the benchmarks before it."""
+        if wildcards.target == "benchmarks":
+            names = self.names("benchmarks")
+            if wildcards.case not in names:
+                sys.exit(f"config/benchmarks.yaml: asks for no case {wildcards.case}; there are {', '.join(names)}")
+            previous = self.files("benchmarks")[: names.index(wildcards.case)][-1:]
+            return list(dict.fromkeys([*self.smaller(wildcards.case), *previous]))
+        if wildcards.target == "stability":
+            return []
+        return [*self.studies.results_of([wildcards.case]), self.studies.file(wildcards.case)]
+
+    def smaller(self, name: str) -> list[str]:
+        """Results of the benchmarks of the same code and problem with fewer cells, in order."""
+        cases = {case.name: case for case in self.benchmarks().cases()}
+        this = cases[name]
+        return [
+            f"results/benchmarks/cases/{other.name}.json"
+            for other in cases.values()
+            if (other.problem, other.code) == (this.problem, this.code) and other.across < this.across
+        ]
+
+    def options(self, wildcards: Wildcards) -> str:
+        """Options of the command that measures a case: the benchmarks whose costs foretell its own."""
+        smaller = self.smaller(wildcards.case) if wildcards.target == "benchmarks" else []
+        return f"--input earlier {' '.join(smaller)}" if smaller else ""
+
+    def threads(self, wildcards: Wildcards) -> int:
+        """Threads of a case; 64 takes all there are."""
+        return 64 if wildcards.target == "benchmarks" else 1
+
+    def settings(self, wildcards: Wildcards) -> str:
+        """Settings that all cases of a target depend on, as text."""
+        if wildcards.target == "benchmarks":
+            return json.dumps(asdict(self.benchmarks()), sort_keys=True)
+        return self.studies.default_text
+
+    def case_sources(self, wildcards: Wildcards) -> str:
+        """Hash of the sources that measure a case of a target."""
+        sources = ["verification case", f"verification.{MEASURING[wildcards.target]}.study"]
+        if wildcards.target == "benchmarks":
+            sources += ["verification.benchmarks.ours", "verification/benchmarks/peers/"]
+        return source_hash(*sources)
+
+    def table_sources(self, wildcards: Wildcards) -> str:
+        """Hash of the sources that make the table of a target."""
+        return source_hash("verification table", f"verification.{MEASURING[wildcards.target]}.study")

@@ -1,15 +1,19 @@
 """Claims of the study of a calibration on known truth, on a simulator of one strength and one modulus."""
 
+import json
+
 import numpy as np
 import pytest
 
-from calibration.fit import Rows, calibrate
+from calibration.trials import CellCorrection, Discrepancy
 from calibration.posterior import sobol_points
+from calibration.fit import Rows, calibrate
 from calibration.settings import CalibrationSettings, strength_under
 from calibration.stages import Calibration
-from calibration.trials import CellCorrection, Discrepancy, Outputs, RecordedOutputs
-from verification.calibration_truth import chains, claims
-from verification.calibration_truth.settings import SAME_LAW, case_slice, cases, truths
+from calibration.trials import Outputs, Recorded
+from verification.calibration_truth import claims
+from verification.calibration_truth.figure import draw, intervals
+from verification.calibration_truth.settings import SAME_LAW, case_slice, records, truths
 from workflow.calibration_trials import CalibrationTrials
 from workflow.configuration import load
 from workflow.strict_yaml import read_yaml
@@ -46,7 +50,7 @@ def calibrated(shift=0.0, correction=None) -> Calibration:
     made = {"potency": simulator(points) + chance[0], "number": simulator(points) + 3.0 + chance[1]}
     rows = Rows(points, Outputs(made), np.arange(40))
     expected = simulator(TRUTH)[0] + shift
-    recorded = RecordedOutputs(expected, 0.01 * np.eye(2), np.round(np.exp(expected + 3.0)).astype(int), 1.5)
+    recorded = Recorded(expected, 0.01 * np.eye(2), np.round(np.exp(expected + 3.0)).astype(int), 1.5)
     correction = correction or CellCorrection.none(rows.outputs)
     fit = calibrate(rows, correction, recorded, ("potency", "number"), 0.1, seed=1)
     return Calibration(SETTINGS, ("one", "two"), [], -2.0, rows, None, fit)
@@ -70,6 +74,18 @@ def test_trials_as_records_are_covered_and_the_strength_is_what_is_known(found):
     assert width[f"{HOST}.cohesion.residual"] > 1.5 * width[strength]
 
 
+def test_the_figure_has_a_panel_for_each_quantity_from_what_json_holds(found):
+    trials = np.arange(0, 40, 2)
+    tested = found.self_test(trials)
+    held = intervals(tested, found.rows.points[trials], SETTINGS.quantities)
+    assert json.loads(json.dumps(held)) == held
+    assert [panel["true"][0] for panel in held] == [
+        quantity.value(share) for quantity, share in zip(SETTINGS.quantities, found.rows.points[0], strict=True)
+    ]
+    assert [panel["held"] for panel in held] == tested.held.T.tolist()
+    assert len(draw(held).axes) == 3
+
+
 def test_a_twin_comes_back_and_one_from_other_cells_only_with_their_correction(found):
     """A record larger by 0.8 in ln is missed where cells are not corrected, and held with their shift and its error."""
     truth = TRUTH[0]
@@ -91,9 +107,9 @@ def test_a_record_of_another_law_is_flagged():
 
 def test_chains_and_weighted_points_agree(found, monkeypatch):
     """Quantiles of both samplers of one posterior; a posterior that is not that of the chains is told."""
-    monkeypatch.setattr(chains, "STEPS", 500)
-    monkeypatch.setattr(chains, "BURN_IN", 100)
-    chain = chains.chain_quantiles(found.fit, claims.SHARES, found.settings.seed)
+    monkeypatch.setattr(claims, "STEPS", 500)
+    monkeypatch.setattr(claims, "BURN_IN", 100)
+    chain = claims.chain_quantiles(found.fit, claims.SHARES, found.settings.seed)
     monkeypatch.setattr(claims, "chain_quantiles", lambda *_: chain)  # of both posteriors: it depends on neither
     rows = claims.chain_claims(found, SETTINGS.quantities)
     assert [row.holds for row in rows] == [True] * 4, rows
@@ -114,7 +130,7 @@ def test_records_of_the_study_have_the_truth_of_the_mine_file_or_another_host():
     twin = read_yaml("config/mines/demo/twin.yaml")["materials"]["host"]
     values = [one.written(share) for one, share in zip(trials.settings.quantities, found["record_truth"], strict=True)]
     assert values[:2] == [twin["friction_angle"]["residual"], twin["cohesion"]["residual"]]
-    slices = {case: case_slice(trials, case) for case in cases()}
+    slices = {case: case_slice(trials, case) for case in records()}
     same = slices[SAME_LAW]
     assert [step["scene"]["perturbation"] for step in same["steps"]] == [10_001] * 4
     for case, other in slices.items():

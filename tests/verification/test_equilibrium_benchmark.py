@@ -3,10 +3,9 @@
 import json
 import sys
 import time
-import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import psutil
 import pytest
 import yaml
@@ -14,12 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
-from verification.benchmarks import ours, targets
+from verification.benchmarks import ours
 from verification.benchmarks.measuring import DONE, FAILED, NOT_RUN, STOPPED, Unavailable, foreseen, peer_python, watch
-from verification.benchmarks.page import number, write_report
 from verification.benchmarks.peers.stope import Block, sizes
 from verification.benchmarks.settings import FILE, PEERS, Case, Code, parse, read_settings
-from verification.benchmarks.table import make_table, summary
+from verification.benchmarks.study import STUDY, make_table
+from verification.studies import FOLDER, default_settings
+from verification.targets import Cases, Studies
 
 SETTINGS = read_settings()
 
@@ -121,32 +121,18 @@ def test_table_takes_ratios_on_the_same_mesh():
     assert table.loc[("ogs", 1000), "agrees"] == "no"
 
 
-def test_summary_compares_each_code_at_its_largest_size():
-    """OpenGeoSys at 100,000 cells is 100 times slower; explicit, not run there, is compared at 10,000."""
-    rows = {row["code"]: row for row in summary(SETTINGS, make_table(SETTINGS, made_up_rows()))}
-    assert list(rows) == ["multigrid", "explicit", "multigrid_8", "ogs"]
-    assert (rows["ogs"]["cells"], rows["explicit"]["cells"]) == (100000, 10000)
-    assert rows["ogs"]["ratio"] == pytest.approx(100.0)
-
-
-def test_report_writes_table_plot_and_page(tmp_path):
-    """The page says what was not run, who disagrees and whether the machine was busy."""
-    files = [tmp_path / name for name in ("table.csv", "figure.svg", "report.html")]
-    write_report(SETTINGS, made_up_rows(), *files)
-    assert len(pd.read_csv(files[0])) == 12
-    assert ET.parse(files[1]).getroot().tag.endswith("svg")
-    page = files[2].read_text()
-    for said in ("not run: about 900 s foreseen", "do not compare the times", ">OpenGeoSys</td>", "a machine"):
-        assert said in page
-    assert "Something else ran beside" not in page
-    write_report(SETTINGS, [row | {"others": 1.0} for row in made_up_rows()], *files)
-    assert "Something else ran beside 11 of 11 runs" in files[2].read_text()
-
-
-@pytest.mark.parametrize(("value", "text"), [(1234.5, "1,234"), (0.012345, "0.0123"), (7.0, "7"), (np.nan, "–")])
-def test_numbers_of_the_page_are_for_people(value, text):
-    """No exponents in what seconds and gigabytes come to."""
-    assert number(value) == text
+def test_tables_of_the_page_say_who_disagrees_what_was_not_run_and_whether_the_machine_was_busy():
+    results = {str(number): row for number, row in enumerate(made_up_rows())}
+    table = STUDY.tables(results)["table"]
+    assert len(table) == 12
+    lines = [line for shown in STUDY.shown for line in shown.lines(table)]
+    assert "| elastic | ogs | multigrid_8 | 1000 | 0.25 |" in lines
+    assert "| elastic | explicit | 100,000 | not run | about 900 s foreseen |" in lines
+    assert "| a machine | 2 |" in lines
+    assert not table.busy.any()
+    busy = STUDY.tables({name: row | {"others": 1.0} for name, row in results.items()})["table"]
+    assert busy.busy.eq("yes").sum() == len(busy)
+    assert len(STUDY.figures(results)["figure"].axes) == 2 * len(SETTINGS.problems)
 
 
 def earlier(*measured: tuple[int, float, float]) -> list[dict]:
@@ -211,16 +197,26 @@ def test_a_process_is_ended_at_its_limits_with_all_that_it_started(tmp_path):
 
 def test_cases_wait_for_each_other_and_for_the_smaller_ones():
     """One row of all cases, so that none runs beside another; nothing waits for itself."""
+    cases = Cases(Studies(FOLDER, default_settings()))
+    case = Case("coulomb", "ogs", SETTINGS.problems["coulomb"].cells_across[2])
 
     class Wildcards:
-        problem, code, across = "coulomb", "ogs", str(SETTINGS.problems["coulomb"].cells_across[2])
+        target, case = "benchmarks", f"coulomb-ogs-{SETTINGS.problems['coulomb'].cells_across[2]}"
 
-    runs = targets.all_runs()
-    before = targets.runs_before(Wildcards)
-    place = runs.index(targets.file_of(targets.case_of(Wildcards)))
+    runs = cases.files("benchmarks")
+    before = cases.inputs(Wildcards)
+    place = runs.index(f"results/benchmarks/cases/{case.name}.json")
     assert before[-1] == runs[place - 1]
-    assert set(targets.smaller_runs(Wildcards)) < set(before)
+    smaller = cases.smaller(case.name)
+    assert [Path(file).stem for file in smaller] == [
+        f"coulomb-ogs-{across}" for across in SETTINGS.problems["coulomb"].cells_across[:2]
+    ]
+    assert set(smaller) < set(before)
     assert all(runs.index(file) < place for file in before)
+    assert cases.options(Wildcards) == f"--input earlier {' '.join(smaller)}"
+    assert SETTINGS.case(case.name) == case
+    with pytest.raises(InputError, match=r"benchmarks\.yaml: asks for no case coulomb-fenicsx-4"):
+        SETTINGS.case("coulomb-fenicsx-4")
 
 
 def test_settings_name_what_is_wrong():

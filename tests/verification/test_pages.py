@@ -1,8 +1,7 @@
 """Pages of the studies: their blocks, what is written into them, and one line for each mistake."""
 
-import os
 import re
-import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,24 +12,28 @@ from PIL import Image
 
 from catalogs.figures import style
 from common.errors import InputError
-from verification.benchmarks import table as benchmarks
+from verification.benchmarks.study import COLUMNS
+from verification.frame import load
+from verification.made import Made, is_older
 from verification.page_tables import Columns, Counts, Cross, Pivot, rows_table
 from verification.pages import (
     BLOCK,
     FIGURE_WIDTHS,
     INDEX,
     MAX_FIGURE_BYTES,
+    OLDER,
     PAGES,
     ROOT,
     check_blocks,
     draw,
+    older_pages,
     rewrite,
     studies,
-    tables_of,
 )
-from verification.rows import Row, read_rows, write_rows
+from verification.rows import Row, judge, parse_known_misses, read_rows, write_rows, write_texts
 from verification.stability.points import Point
 
+MADE = replace(Made.now(), date="2026-01-02T03:04:05+00:00")
 WRITTEN = sorted(PAGES.glob("*.md"))
 MISSED = "filled, half, mean: potency extrapolated, m3"  # a known miss of the study walls
 
@@ -95,26 +98,29 @@ def test_no_figure_is_left_over():
 
 @pytest.fixture
 def results(tmp_path) -> Path:
-    """Results of two studies in a git checkout, which tells the commit."""
-    checkout = tmp_path / "checkout"
+    """Results of two studies, made at the commit that is checked out."""
     for name, rows in (
         ("jaeger", [Row.relative("dip_00: strength, MPa", 60.0, 60.1, 0.005), Row("events", 1.0, 5.0, 4.0)]),
-        ("walls", [Row.relative(row, 2.0, 2.12, 0.04) for row in known_misses("walls")]),
+        ("walls", walls(2.12)),
     ):
-        write_rows(checkout / "results" / "verification" / name / "rows.csv", [(name, row) for row in rows])
+        table = tmp_path / "results" / "verification" / name / "table.csv"
+        write_rows(table, [(name, row) for row in rows])
+        MADE.write(table)
         with style.applied():
             figure = style.new_figure(4.0, 2.0)
             figure.add_subplot().plot([0, 1])
-            style.save(figure, checkout / "results" / "verification" / name / "figure.svg")
-    names = ["-c", "user.name=n", "-c", "user.email=e@example.org"]
-    subprocess.run(["git", "init", "-q", checkout], check=True)
-    subprocess.run(["git", "-C", checkout, *names, "commit", "-q", "--allow-empty", "-m", "one"], check=True)
-    return checkout / "results"
+            style.save(figure, table.parent / "figure.svg")
+    return tmp_path / "results"
 
 
-def known_misses(study: str) -> list[str]:
+def walls(obtained: float) -> list[Row]:
+    """A row for each known miss of the study walls."""
+    return [Row.relative(row, 2.0, obtained, 0.04) for row in known_misses("walls")]
+
+
+def known_misses(study: str) -> dict:
     text = yaml.safe_load(text_of(ROOT / "config" / "verification" / f"{study}.yaml"))
-    return [quantity for entry in text["known_misses"] for quantity in entry["rows"]]
+    return parse_known_misses(text["known_misses"])
 
 
 @pytest.fixture
@@ -127,15 +133,11 @@ def pages(tmp_path) -> Path:
     return folder
 
 
-def commit_of(results: Path) -> str:
-    command = ["git", "-C", results, "rev-parse", "--short=7", "HEAD"]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-
-
 def test_a_block_has_rows_counts_date_commit_and_figure(results, pages):
     assert rewrite(results, pages) == ["jaeger", "walls"]
     block = block_of("jaeger", pages)
-    assert re.search(r"^Made on \d{4}-\d\d-\d\d at commit `" + commit_of(results), block)
+    versions = f"numpy {MADE.numpy} and numba {MADE.numba}"
+    assert block.startswith(f"Made on 2026-01-02 at commit `{MADE.commit}` with {versions}. 2 rows, 1 judged")
     assert "2 rows, 1 judged: 1 passes, 0 known misses, 0 fail." in block
     assert "| strength, MPa | dip_00 | 60.1 | 60 | 0.0017 | 0.005 | passes |" in block
     assert "| events |  | 5 | 1 | 4 |  | reported |" in block
@@ -170,8 +172,8 @@ def test_a_known_miss_is_marked_and_explained(results, pages):
     rewrite(results, pages)
     block = block_of("walls", pages)
     assert f"| potency extrapolated, m3 | {MISSED.partition(': ')[0]} | 2.12 | 2 | 0.06 | 0.04 | **fails** |" in block
-    table = results / "verification" / "walls" / "rows.csv"
-    table.write_text(table.read_text().replace("2.12,0.06,", "2.09,0.045,"))
+    judged = judge([row.texts("walls") for row in walls(2.09)], known_misses("walls"))
+    write_texts(results / "verification" / "walls" / "table.csv", judged)
     rewrite(results, pages)
     block = block_of("walls", pages)
     assert (
@@ -186,10 +188,8 @@ def test_writing_twice_changes_nothing_and_a_changed_row_its_block_alone(results
     once = {file: file.read_bytes() for file in pages.rglob("*.*")}
     rewrite(results, pages)
     assert {file: file.read_bytes() for file in pages.rglob("*.*")} == once
-    table = results / "verification" / "jaeger" / "rows.csv"
-    before = table.stat().st_mtime
+    table = results / "verification" / "jaeger" / "table.csv"
     table.write_text(table.read_text().replace("60.1", "60.2"))
-    os.utime(table, (before, before))
     rewrite(results, pages)
     assert [file.name for file, content in once.items() if file.read_bytes() != content] == ["jaeger.md"]
     assert "| 60.2 |" in block_of("jaeger", pages)
@@ -198,7 +198,7 @@ def test_writing_twice_changes_nothing_and_a_changed_row_its_block_alone(results
 def test_studies_without_results_keep_their_block(results, pages):
     rewrite(results, pages)
     kept = block_of("jaeger", pages)
-    (results / "verification" / "jaeger" / "rows.csv").unlink()
+    (results / "verification" / "jaeger" / "table.csv").unlink()
     assert rewrite(results, pages) == ["walls"]
     assert block_of("jaeger", pages) == kept
 
@@ -211,9 +211,9 @@ def test_a_mistake_is_one_line(results, pages, tmp_path):
 
     fails("none: no such folder", tmp_path / "none")
     (tmp_path / "empty").mkdir()
-    fails(r"holds neither verification/<study>/rows\.csv nor", tmp_path / "empty")
-    rows = results / "verification" / "jaeger" / "rows.csv"
-    unknown = results / "verification" / "jager" / "rows.csv"
+    fails(r"holds neither verification/<study>/table\.csv nor", tmp_path / "empty")
+    rows = results / "verification" / "jaeger" / "table.csv"
+    unknown = results / "verification" / "jager" / "table.csv"
     unknown.parent.mkdir()
     rows.rename(unknown)
     fails("has no study 'jager'")
@@ -232,20 +232,53 @@ def test_a_mistake_is_one_line(results, pages, tmp_path):
     fails(r"jaeger\.md: needs a line '- \*\*Checks:\*\* \.\.\.'")
 
 
-def test_results_outside_of_a_checkout_are_refused(results, pages, tmp_path, monkeypatch):
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path))
-    (results.parent / ".git").rename(tmp_path / "gone")
-    with pytest.raises(InputError, match="is in no git checkout"):
+def test_results_that_do_not_say_what_they_were_made_from_are_refused(results, pages):
+    """In a folder that is no checkout, and by a version that wrote no such file."""
+    table = results / "verification" / "jaeger" / "table.csv"
+    replace(MADE, commit="unknown").write(table)
+    with pytest.raises(InputError, match="was made in no git checkout"):
         rewrite(results, pages)
+    (table.parent / "made.json").unlink()
+    with pytest.raises(InputError, match=r"has no made\.json beside it"):
+        rewrite(results, pages)
+
+
+def test_results_older_than_the_numerics_are_marked_and_listed(results, pages):
+    """Also without results, and the mark goes once they are made again. No such commit counts as older."""
+    assert is_older("0123456")
+    table = results / "verification" / "jaeger" / "table.csv"
+    replace(MADE, commit="0123456-dirty").write(table)
+    rewrite(results, pages)
+    block = block_of("jaeger", pages)
+    assert f"0 fail. {OLDER}\n" in block
+    assert OLDER not in block_of("walls", pages)
+    assert older_pages(pages) == ["jaeger.md: jaeger was made at commit 0123456-dirty"]
+    page = pages / "jaeger.md"
+    page.write_text(text_of(page).replace(f" {OLDER}", ""))
+    assert rewrite(None, pages) == []
+    assert block_of("jaeger", pages) == block
+    MADE.write(table)
+    rewrite(results, pages)
+    assert OLDER not in block_of("jaeger", pages)
+    assert older_pages(pages) == []
+
+
+def test_costs_of_variants_stand_below_the_rows(results, pages):
+    costs = results / "verification" / "jaeger" / "costs.csv"
+    costs.write_text("variant,cells,levels,finest_cell_m,steps,seconds,memory_MiB\ndip_00,12000,1,1.0,2,3.5,300\n")
+    rewrite(results, pages)
+    block = block_of("jaeger", pages)
+    assert "Cells, time and memory of each variant:" in block
+    assert "| dip_00 | 12,000 | 1 | 1 | 2 | 3.5 | 300 |" in block
 
 
 def test_a_pivot_marks_what_has_no_bound_and_what_misses_it(tmp_path):
     rows = [
         Row.relative(f"{size}: {name}", 2.0, 1.0, bound) for size in "ab" for name, bound in (("x", 0.9), ("y", None))
     ]
-    write_rows(tmp_path / "rows.csv", [("s", row) for row in [*rows, Row.relative("c: x", 2.0, 1.0, 0.1)]])
+    write_rows(tmp_path / "table.csv", [("s", row) for row in [*rows, Row.relative("c: x", 2.0, 1.0, 0.1)]])
     pivot = Pivot("Change", r"(?P<row>\w): (?P<column>\w)", "change, %")
-    assert pivot.lines(read_rows(tmp_path / "rows.csv")) == [
+    assert pivot.lines(read_rows(tmp_path / "table.csv")) == [
         "Change:",
         "",
         "|  | x | y |",
@@ -280,12 +313,22 @@ def test_tables_of_measuring_studies():
     assert crossed[2:] == ["| code | 10 | 20 |", "| --- | --- | --- |", "| ours | 1 | 2 |", "| theirs | 3.25 |  |"]
     crossed = Cross("Time", ("code",), "cells", "wall_s", ("code", ("theirs",))).lines(table)
     assert crossed[2:] == ["| code | 10 |", "| --- | --- |", "| theirs | 3.25 |"]
+    words = pd.DataFrame({"scene": ["stope", "hole"], "setting": ["cell", "cell"], "price": ["2 x", "no speed"]})
+    crossed = Cross("Prices", ("setting",), "scene", "price").lines(words)
+    assert crossed[2:] == ["| setting | hole | stope |", "| --- | --- | --- |", "| cell | no speed | 2 x |"]
+    assert Columns("Nobody", ("code",), ("code", ("nobody",))).lines(table) == []
 
 
 def test_columns_on_pages_are_columns_of_their_tables():
-    for table in tables_of("benchmarks"):
-        names = table.names if isinstance(table, Columns) else (*table.by, table.column, table.value)
-        assert {*names, *table.chosen[:1]} <= set(benchmarks.COLUMNS)
-    for package in ("extremes", "stability"):
-        (counts,) = tables_of(package)
-        assert {counts.row, counts.column} <= set(Point.__dataclass_fields__)
+    for study, columns in (
+        ("benchmarks", set(COLUMNS)),
+        ("stability", set(Point.__dataclass_fields__)),
+        ("extremes", set(Point.__dataclass_fields__)),
+    ):
+        for table in (shown for shown in load(study).shown if shown.file == "table"):
+            names = {
+                Columns: lambda table: table.names,
+                Counts: lambda table: (table.row, table.column),
+                Cross: lambda table: (*table.by, table.column, table.value),
+            }[type(table)](table)
+            assert {*names, *getattr(table, "chosen", ())[:1]} <= columns

@@ -1,7 +1,7 @@
-"""The numerics at their limits: some of each knob, judges, balances, the page; all: ``snakemake stability``."""
+"""The numerics at their limits: some of each knob, judges, balances, the table; all: ``snakemake stability``."""
 
 import itertools
-from pathlib import Path
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -10,29 +10,26 @@ from common.errors import InputError
 from verification.extremes.outcomes import ENDED as RUN_ENDED
 from verification.extremes.outcomes import RESTS, run
 from verification.extremes.relations import RELATIONS
-from verification.known_misses import KnownMiss
+from verification.frame import give_verdict
+from verification.rows import KnownMiss
+from verification.scenes import coulomb, elastic, failing, hole, section
+from verification.stability import KEYS, SEVERAL_SEEDS
 from verification.stability.balances import broken, lacking
 from verification.stability.cases import Case, Knob
 from verification.stability.judges import closure_error, front, mirrored, same_motion
-from verification.stability.keys import KEYS, SEVERAL_SEEDS
 from verification.stability.knobs import BY_KEY, knob_of
-from verification.stability.page import ranges, write_report
 from verification.stability.points import (
     ENDED,
     FAULT,
-    KINDS,
     REFUSED,
     RIGHT,
     SOUND,
     WRONG,
     Point,
     measure,
-    read_points,
-    write_points,
 )
-from verification.stability.scenes import coulomb, elastic, failing, hole, section
 from verification.stability.shapes import courant
-from verification.stability.verdict import check_table
+from verification.stability.study import figures, ranges, tables
 from verification.studies import merge
 
 CHOSEN = {  # knob: series and values of it that run in the tests; the quick ones at the ends
@@ -62,7 +59,7 @@ def test_a_knob_at_its_ends_is_right_or_says_why_not(key):
     cases = [case for case in knob.cases() if (case.series, case.value) in CHOSEN[key]]
     assert len(cases) == len(CHOSEN[key])
     points = measure(Knob(key, knob.title, knob.scale, knob.about, lambda: cases))
-    assert [(point.series, point.value, point.message) for point in points if point.fails] == []
+    assert [(point.series, point.value, point.message) for point in points if point.passed == "no"] == []
 
 
 def test_every_knob_has_cases_and_a_key():
@@ -100,7 +97,7 @@ def test_a_wrong_answer_fails_unless_it_is_known_and_no_worse_than_that():
              enumerate((None, KnownMiss("so it is", 0.4), KnownMiss("so it was", 0.2)))]  # fmt: skip
     points = points_of(*cases)
     assert [point.kind for point in points] == [WRONG] * 3
-    assert [point.fails for point in points] == [True, False, True]
+    assert [point.passed for point in points] == ["no", "known miss", "no"]
     assert points[1].known == "so it is"
 
 
@@ -122,8 +119,7 @@ def test_a_mistake_that_is_let_through_is_wrong_and_other_words_are_a_fault():
         Case("s", 3, hole(), None, 0.0, refused=("solver.damping: ", "1")),
     )
     assert (told.kind, other.kind, through.kind) == (REFUSED, FAULT, WRONG)
-    assert other.fails
-    assert through.fails
+    assert (told.passed, other.passed, through.passed) == ("yes", "no", "no")
 
 
 def test_several_particles_are_refused_in_rock_that_hardly_changes_its_volume(tmp_path):
@@ -220,42 +216,42 @@ def made_up(knob: str, kinds: str) -> list[Point]:
     letters = {"r": RIGHT, "s": SOUND, "w": WRONG, "e": ENDED, "x": REFUSED, "f": FAULT}
     return [
         Point(knob, "series", float(number), letters[letter], 0.01 * number if letter in "rw" else np.nan, 0.1,
-              "" if letter in "rsw" else "a < b", "", letter == "f", 1.0, 1.0, 1e-16, 0.0, 0.0)
+              "" if letter in "rsw" else "a < b", "", "no" if letter == "f" else "yes", 1.0, 1.0, 1e-16, 0.0, 0.0)
         for number, letter in enumerate(kinds)
     ]  # fmt: skip
 
 
+def results_of(**kinds: str) -> dict[str, list[dict]]:
+    """Results of cases as their files hold them, from the kinds of the runs of each knob."""
+    return {key: [asdict(point) for point in made_up(key, letters)] for key, letters in kinds.items()}
+
+
 def test_stretches_of_a_series_are_told_with_their_largest_error():
-    told = [text for _, text in ranges(made_up("stress", "rrwwe"))]
-    assert told == [
-        "0 to 1: converged and right, up to 1 %",
-        "2 to 3: converged and wrong, up to 3 %",
-        "4: not converged and said so",
-    ]
+    told = [(row["from"], row["to"], row["ends"], row["largest_error"]) for row in ranges(made_up("stress", "rrwwe"))]
+    assert told[:2] == [(0.0, 1.0, RIGHT, 0.01), (2.0, 3.0, WRONG, 0.03)]
+    assert told[2][:3] == (4.0, 4.0, ENDED)
+    assert np.isnan(told[2][3])
 
 
-def test_the_page_counts_every_kind_and_the_verdict_names_the_first_fault(tmp_path):
-    points = [made_up(key, "rswexf" if key == "size" else "rr") for key in KEYS]
-    write_points(points[0], tmp_path / "points.json")
-    assert read_points(tmp_path / "points.json") == points[0]
-    table, page = tmp_path / "table.csv", tmp_path / "report.html"
-    write_report(points, table, page)
-    text = page.read_text()
-    assert "1 of 44 cases are faults" in text
-    assert all(kind in text for kind in KINDS)
-    assert "a &lt; b" in text
-    assert "http" not in text.split("</style>")[1]  # complete in itself
-    with pytest.raises(InputError, match=r"1 of 44 cases .*first: size, series at 5: fault.*report\.html"):
-        check_table(table, "report.html")
-    write_report([[point for point in group if not point.fails] for group in points], table, page)
-    check_table(Path(table), "report.html")
+def test_the_table_has_every_run_and_the_verdict_names_the_first_fault(tmp_path):
+    results = results_of(**{key: "rswexf" if key == "size" else "rr" for key in KEYS})
+    table = tmp_path / "table.csv"
+    made = tables(results)
+    assert {"knob", "series", "from", "to"} < set(made["ranges"])
+    made["table"].to_csv(table, index=False)
+    with pytest.raises(InputError, match=r"^1 of 44 rows fail \(size: series: 5.0: fault\); see .*table\.csv"):
+        give_verdict("stability", table)
+    sound = {key: [point for point in points if point["passed"] != "no"] for key, points in results.items()}
+    tables(sound)["table"].to_csv(table, index=False)
+    give_verdict("stability", table)
+    assert len(figures(results)["figure"].axes) == 18  # a panel for each knob with an axis, in rows of three
 
 
-def test_a_page_of_random_scenes_alone_has_tables_and_no_figure(tmp_path):
-    write_report([made_up(key, "rx") for key in SEVERAL_SEEDS], tmp_path / "table.csv", tmp_path / "report.html")
-    text = (tmp_path / "report.html").read_text()
-    assert "scenes of seeds 350 to 399" in text.lower()
-    assert "<figure>" not in text
+def test_random_scenes_alone_have_tables_and_no_figure():
+    results = results_of(**dict.fromkeys(SEVERAL_SEEDS, "rx"))
+    assert len(tables(results)["table"]) == 2 * len(SEVERAL_SEEDS)
+    assert tables(results)["ranges"].empty
+    assert figures(results) == {}
 
 
 def test_merge_keeps_what_a_scene_does_not_change():

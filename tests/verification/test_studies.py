@@ -8,8 +8,8 @@ from running import DEFAULT, STUDIES
 
 from common.costs import Costs
 from common.errors import InputError
-from verification.known_misses import KnownMiss
 from verification.results import read_results
+from verification.rows import KnownMiss
 from verification.studies import load_study, merge
 
 HOLE = {
@@ -91,8 +91,24 @@ def test_a_mistake_is_one_line_with_file_and_key(tmp_path, change, message):
 
 
 def test_a_study_that_is_not_there_is_one_line(tmp_path):
-    with pytest.raises(InputError, match="not a readable study"):
+    with pytest.raises(InputError, match="not readable"):
         load_study(tmp_path / "none.yaml", DEFAULT)
+
+
+def test_a_key_that_stands_twice_is_refused_as_in_a_mines_file(tmp_path):
+    """YAML would take the second one in silence: a bound that is listed twice, say."""
+    path = write(tmp_path, HOLE)
+    path.write_text(path.read_text() + "title: Another hole\n")
+    with pytest.raises(InputError, match=r"hole\.yaml: line \d+: title: this key stands twice"):
+        load_study(path, DEFAULT)
+
+
+def test_merging_replaces_what_is_no_mapping_by_a_mapping_and_the_other_way_round():
+    assert merge({"a": 1, "b": {"c": 2}, "d": None}, {"a": {"x": 1}, "b": None, "d": {"y": {}}}) == {
+        "a": {"x": 1},
+        "b": None,
+        "d": {"y": {}},
+    }
 
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)

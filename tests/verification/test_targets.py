@@ -4,10 +4,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from common.sources import source_hash
 from snakemake.iocontainers import Wildcards
 
-from verification.targets import Studies
+from common.sources import source_hash
+from verification.studies import MEASURING
+from verification.targets import Cases, Studies
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = yaml.safe_load((ROOT / "config/default.yaml").read_text())
@@ -46,10 +47,33 @@ def test_an_answer_depends_on_its_module(studies):
     assert studies.answer_sources(JAEGER) == source_hash("verification answer", "verification.answers.jaeger")
 
 
+def test_a_scene_of_a_measuring_study_has_no_table_of_its_own(studies):
+    scene = Wildcards(fromdict={"study": "tradeoff_kirsch"})
+    with pytest.raises(SystemExit, match=r"tradeoff_kirsch\.yaml: its rows stand in results/tradeoff/table\.csv"):
+        studies.answer_sources(scene)
+
+
 def test_long_studies_are_run_by_their_own_names_alone(studies):
-    """All others are verified, each with its rows and figure."""
+    """All others are verified, each with its table."""
     every, verified = set(studies.named("")), studies.verified()
     assert {"brazilian_platens", "schemes_demo"} <= every - set(verified)
-    assert len(studies.answers(JAEGER)) == 2 * len(verified)
-    assert set(studies.verified_files(JAEGER)) == {studies.file(name) for name in verified}
+    assert studies.tables(JAEGER) == [f"results/verification/{name}/table.csv" for name in verified]
     assert studies.named("tradeoff_")[0] == "tradeoff_brittle"
+
+
+def test_every_measuring_study_has_cases_and_sources(studies):
+    """Random mines of `extremes` are cases of stability: what both targets ask for runs once."""
+    cases = Cases(studies)
+    files = {target: cases.files(target) for target in MEASURING}
+    assert all(len(found) == len(set(found)) > 0 for found in files.values())
+    assert set(files["stability"]) & set(files["extremes"])
+    for target in MEASURING:
+        wildcards = Wildcards(fromdict={"target": target})
+        assert cases.case_sources(wildcards)
+        assert cases.table_sources(wildcards)
+    scene = Wildcards(fromdict={"target": "catalog_spread", "case": "spread_stope"})
+    assert cases.inputs(scene) == [*studies.results_of(["spread_stope"]), studies.file("spread_stope")]
+    assert (cases.threads(scene), cases.options(scene)) == (1, "")
+    absent = Wildcards(fromdict={"target": "benchmarks", "case": "elastic-moose-4"})
+    with pytest.raises(SystemExit, match=r"config/benchmarks\.yaml: asks for no case elastic-moose-4; there are "):
+        cases.inputs(absent)

@@ -18,8 +18,8 @@ from catalogs.records.filters import limits_of
 from catalogs.records.times import DATE_PARTS
 from common.errors import InputError
 from common.setting_types import NAME_PATTERN, Unit
-from verification.benchmarks.targets import RESULTS
-from verification.extremes.bad_input import AGAIN, FAR, FAULTS, ON_GLOBE, UTM
+from verification.extremes.bad_input import AGAIN, FAR, FAULTS, UTM
+from verification.studies import MEASURING
 from workflow.checks import RESERVED
 from workflow.configuration import load
 from workflow.generate import sections_of
@@ -41,14 +41,15 @@ def test_no_mine_takes_a_folder_of_results_that_rules_write_to():
     rules = (ROOT / "verification/Snakefile").read_text() + "".join(
         path.read_text() for path in ROOT.glob("*/rules/*.smk")
     )
-    assert set(RESERVED) == {*re.findall(r"\bresults/(\w+)", rules), RESULTS.removeprefix("results/")}
+    assert set(RESERVED) == {*re.findall(r"\bresults/(\w+)", rules), *MEASURING}
 
 
 def test_columns_of_degrees_need_a_frame_with_a_place(refuse, accept):
     """The record's stage could not say where the events are."""
     nowhere = {"frame": {"surface": "1000 m"}}
+    on_globe = {"time": "date", "latitude": "x", "longitude": "y", "depth": "z", "log_potency": "size"}
     assert accept(TINY, **nowhere)
-    line = refuse(TINY, **nowhere, **{"record.columns": ON_GLOBE})
+    line = refuse(TINY, **nowhere, **{"record.columns": on_globe})
     assert line.startswith("record.columns.latitude: the frame has no place on Earth")
 
 

@@ -5,8 +5,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from catalogs.figures import style
+from verification.benchmarks.measuring import DONE
 from verification.benchmarks.settings import REFERENCE, Settings
-from verification.benchmarks.table import solved
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#000000")  # Okabe and Ito (2008)
 MARKS = ("o", "s", "D", "^", "v", "P", "X")
@@ -37,3 +37,9 @@ def draw(settings: Settings, table: pd.DataFrame) -> Figure:
     lines = {text: line for panel in axes[0] for line, text in zip(*panel.get_legend_handles_labels(), strict=True)}
     figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=4)
     return figure
+
+
+def solved(table: pd.DataFrame, problem: str, code: str) -> pd.DataFrame:
+    """Rows of one line of the plot, by size."""
+    chosen = (table["problem"] == problem) & (table["code"] == code) & (table["outcome"] == DONE)
+    return table[chosen].sort_values("cells")

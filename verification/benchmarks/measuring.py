@@ -118,8 +118,7 @@ def command_of(code: Code, case: Case, path: Path, threads: int, environments: P
     """Command that solves the case whose numbers stand in the file `path`."""
     if code.script:
         return [str(peer_python(code, environments)), str(PEERS / code.script), str(path)]
-    names = [case.problem, case.code, str(case.across)]
-    return [sys.executable, "-m", "verification.benchmarks", "solve", *names, "--threads", str(threads)]
+    return [sys.executable, "-m", "verification", "solve", case.name, "--threads", str(threads)]
 
 
 def peer_python(code: Code, environments: Path) -> Path:

@@ -1,6 +1,5 @@
 """Checked settings of config/benchmarks.yaml: codes, problems, sizes, limits, and the scene of each case."""
 
-import functools
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import yaml
 
 from common.errors import InputError
 from common.quantities import parse_quantity
-from verification.studies import merge
+from verification.studies import default_settings, merge
 from workflow.configuration import load
 from workflow.mine import Mine
 
@@ -60,6 +59,11 @@ class Case:
     code: str
     across: int
 
+    @property
+    def name(self) -> str:
+        """Name of its file, its log and its command."""
+        return f"{self.problem}-{self.code}-{self.across}"
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -84,6 +88,13 @@ class Settings:
             for code in problem.codes
         ]
 
+    def case(self, name: str) -> Case:
+        """The case of a name. Raises InputError if the file asks for none of this name."""
+        for case in self.cases():
+            if case.name == name:
+                return case
+        raise InputError(f"{FILE.name}: asks for no case {name}")
+
     def time_limit_of(self, code: str) -> float:
         """Seconds that a solution by this code may take."""
         return self.codes[code].time_limit or self.time_limit
@@ -94,10 +105,11 @@ class Settings:
         scene = merge(scene, self.codes[case.code].scene)
         first, last = (parse_quantity(scene["excavations"][0][corner][0], "m") for corner in ("lower", "upper"))
         changes = {
-            "name": f"{case.problem}-{case.code}-{case.across}",
+            "name": case.name,
             "grid": {"finest_cell": f"{(last - first) / case.across!r} m"},
         }
-        return load(merge(_default(), merge(scene, changes)), FILE, _default())
+        default = default_settings()
+        return load(merge(default, merge(scene, changes)), FILE, default)
 
     def numbers(self, case: Case, threads: int) -> dict:
         """The case as peers/stope.py describes it: SI numbers, lengths in cells."""
@@ -123,11 +135,6 @@ class Settings:
             numbers |= {key: getattr(host, key).intact for key in ("cohesion", "friction_angle", "dilation_angle")}
             numbers["increments"] = settings.solver.increments
         return numbers
-
-
-@functools.cache
-def _default() -> dict:
-    return yaml.safe_load((ROOT / "config" / "default.yaml").read_text(encoding="utf-8"))
 
 
 def _quantity(text: dict, key: str, where: str = "") -> float:

@@ -3,34 +3,27 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import emcee
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.fit import SHARES, Fit, SelfTest, fit_likelihood
+from calibration.trials import CellCorrection
+from calibration.trials import extractions
+from calibration.fit import SHARES, Fit, expected
 from calibration.likelihood import MAX_IMPLAUSIBILITY
-from calibration.posterior import Posterior
+from calibration.posterior import Posterior, find_posterior
+from calibration.fit import SelfTest
 from calibration.settings import CalibratedQuantity
 from calibration.stages import Calibration
 from calibration.tradeoffs import CONFINEMENTS, PRIOR_POINTS, best_known_strengths, strengths
-from calibration.trials import (
-    NUMBER,
-    PLACES,
-    POTENCY,
-    SIZES,
-    CellCorrection,
-    Outputs,
-    Places,
-    counted_events,
-    extractions,
-    gains,
-    outputs,
-)
-from verification.calibration_truth.chains import chain_quantiles
+from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Outputs, Places, counted_events, gains, outputs
 
 COVERAGE = (0.80, 0.97)  # Of 90 % intervals.
 MAX_WIDTH = 0.7  # Over that of the prior, in the coordinate that the record tells best.
 MAX_CHAIN_DIFFERENCE = 0.05  # Of quantiles of two samplers, over the range.
+WALKERS = 32
+STEPS, BURN_IN = 3000, 500  # Of each walker, and those that are left out at the start.
 COLUMNS = ("claim", "record", "terms", "quantity", "wanted", "measured", "holds")
 
 
@@ -147,7 +140,12 @@ def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
     correction = CellCorrection.none(trials)
     surrogate = found.fit.surrogate.of(found.rows.points, trials.all, found.rows.trials)
     likelihood = replace(found.fit.likelihood, recorded=recorded, correction=correction)
-    return fit_likelihood(surrogate, likelihood, found.rows.points.shape[1], found.settings.seed)
+
+    def evaluate(points: NDArray) -> tuple[NDArray, NDArray]:
+        known = expected(surrogate, correction, points)
+        return likelihood(*known), likelihood.implausibility(*known)
+
+    return Fit(surrogate, likelihood, find_posterior(evaluate, found.rows.points.shape[1], found.settings.seed))
 
 
 def chain_claims(found: Calibration, quantities: Sequence[CalibratedQuantity]) -> list[Claim]:
@@ -169,3 +167,25 @@ def chain_claims(found: Calibration, quantities: Sequence[CalibratedQuantity]) -
         for quantity, off in zip(quantities, difference, strict=True)
     ]
     return [*rows, Claim("steps until a chain has forgotten", "record", terms, "", "", f"{forgotten:.0f}", True)]
+
+
+def chain_quantiles(fit: Fit, shares: NDArray, seed: int) -> tuple[NDArray, float]:
+    """Quantiles (share, quantity) of a posterior in the unit cube, and the steps after which a chain has forgotten.
+
+    The sampler is an ensemble of Markov chains (Goodman and Weare 2010). The steps are the longest integrated
+    autocorrelation time of the quantities.
+    """
+    quantities = fit.posterior.points.shape[1]
+
+    def log_probability(points: NDArray) -> NDArray:
+        inside = ((points >= 0.0) & (points <= 1.0)).all(axis=1)
+        return np.where(inside, fit.log_likelihood(np.clip(points, 0.0, 1.0)), -np.inf)
+
+    sampler = emcee.EnsembleSampler(WALKERS, quantities, log_probability, vectorize=True)
+    # The sampler takes no generator, only the state of numpy's older one.
+    state = np.random.RandomState(seed).get_state()
+    sampler.random_state = state
+    sampler.run_mcmc(fit.posterior.draws(WALKERS, seed), STEPS, skip_initial_state_check=True)
+    kept = sampler.get_chain(discard=BURN_IN, flat=True)
+    forgotten = float(np.max(sampler.get_autocorr_time(tol=0)))
+    return np.quantile(kept, shares, axis=0), forgotten

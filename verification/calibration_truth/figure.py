@@ -1,6 +1,7 @@
 """Each designed trial as the record: the interval of each quantity beside the value that made it."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,26 +13,34 @@ from calibration.settings import CalibratedQuantity
 from catalogs.figures import style
 
 
-def draw(tested: SelfTest, true: NDArray, quantities: Sequence[CalibratedQuantity]) -> Figure:
-    """One panel for each quantity; true (trial, quantity): values in the unit cube."""
-    count = len(quantities)
+def intervals(tested: SelfTest, true: NDArray, quantities: Sequence[CalibratedQuantity]) -> list[dict[str, Any]]:
+    """What a panel shows of each quantity, as JSON can hold it; true (trial, quantity): values in the unit cube."""
+    found = []
+    for number, quantity in enumerate(quantities):
+        low, middle, high = np.array([posterior.quantiles(SHARES)[:, number] for posterior in tested.posteriors]).T
+        shares = {"true": true[:, number], "low": low, "middle": middle, "high": high, "ends": (0.0, 1.0)}
+        panel: dict[str, Any] = {name: [float(quantity.value(share)) for share in one] for name, one in shares.items()}
+        panel |= {"held": tested.held[:, number].tolist(), "label": axis_label(quantity), "scale": quantity.scale}
+        found.append(panel)
+    return found
+
+
+def draw(found: list[dict[str, Any]]) -> Figure:
+    """One panel for each quantity of `intervals`."""
+    count = len(found)
     columns = min(count, 2)
     rows = -(-count // columns)
     figure = style.new_figure(width=3.6 * columns, height=3.1 * rows)
-    for number, quantity in enumerate(quantities):
+    for number, quantity in enumerate(found):
         panel = figure.add_subplot(rows, columns, number + 1)
-        low, middle, high = np.array([posterior.quantiles(SHARES)[:, number] for posterior in tested.posteriors]).T
-        at, low, middle, high = (
-            np.array([quantity.value(share) for share in one]) for one in (true[:, number], low, middle, high)
-        )
+        at, low, middle, high, was_held = (np.array(quantity[key]) for key in ("true", "low", "middle", "high", "held"))
         for held, colour, label in ((True, style.MODELLED, "holds the value"), (False, style.RECORDED, "misses it")):
-            chosen = tested.held[:, number] == held
+            chosen = was_held == held
             bars = [(middle - low)[chosen], (high - middle)[chosen]]
             panel.errorbar(at[chosen], middle[chosen], bars, fmt=".", color=colour, elinewidth=0.8, label=label)
-        ends = [quantity.value(0.0), quantity.value(1.0)]
-        panel.plot(ends, ends, color=style.OUTLINE, linewidth=0.8)
-        panel.set(xlabel=f"true {axis_label(quantity)}", ylabel="90 % interval")
-        if quantity.scale == "log":
+        panel.plot(quantity["ends"], quantity["ends"], color=style.OUTLINE, linewidth=0.8)
+        panel.set(xlabel=f"true {quantity['label']}", ylabel="90 % interval")
+        if quantity["scale"] == "log":
             panel.set(xscale="log", yscale="log")
             label_log_axis(panel.xaxis)
             label_log_axis(panel.yaxis)

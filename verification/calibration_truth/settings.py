@@ -5,15 +5,18 @@ import functools
 import sys
 from pathlib import Path
 
-import yaml
-
 from calibration.mine_files import given_share
 from common.errors import InputError, InputErrors
 from workflow.calibration_trials import DOUBLED, CalibrationTrials
 from workflow.configuration import load
+from workflow.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "config" / "calibration_truth.yaml"
+TERMS = {  # What counts in the calibrations of a case, by the name of the case.
+    "potency_and_number": ("potency", "number"),
+    "all_terms": ("potency", "number", "places", "sizes"),
+}
 SAME_LAW = "same_law"  # Case of a record that the mine file's own values make.
 MEMBER = 10_001  # Number of the perturbation of every such record: no replicate has it.
 
@@ -24,10 +27,10 @@ def other_hosts() -> dict[str, dict]:
 
 
 def _read() -> dict:
-    return yaml.safe_load(FILE.read_text(encoding="utf-8"))
+    return read_yaml(FILE)
 
 
-def cases() -> list[str]:
+def records() -> list[str]:
     """Names of all records that are made."""
     return [SAME_LAW, *other_hosts()]
 

@@ -19,9 +19,7 @@ SHAFT = {"name": "drive", "step": "history", "shape": "tunnel", "width": "6 m", 
     "path": [["20 m", "30 m", "40 m"], ["40 m", "30 m", "40 m"], ["40 m", "30 m", "60 m"]]
 }
 LOW_ARCH = SHAFT | {"path": SHAFT["path"][:2], "profile": "arched", "height": "2 m"}
-LOPSIDED = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "36 m"]]  # One lobe is larger.
 BOW_TIE = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "40 m"]]
-ON_GLOBE = {"time": "date", "latitude": "x", "longitude": "y", "depth": "z", "log_potency": "size"}
 QUAKEML = {"reader": "quakeml", "file": "record.csv", "location_error": "5 m"}
 ELK_CREEK = QUAKEML | {"reader": "elk_creek"}
 BALL = {"name": "stope_1", "step": "2019-08", "shape": "sphere", "center": ["40 m", "40 m", "40 m"]}

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from verification.scenes import lengths
+
 STEPS = ("history", "first", "second")
 CONDITIONS = ("fixed", "roller", "traction", "free")
 FACES = {
@@ -46,7 +48,7 @@ def random_mine(seed: int) -> dict:
         "name": f"scene_{seed}",
         "plane": plane,
         "frame": {"surface": f"{float(surface)!r} m"},
-        "domain": {"lower": _lengths(lower), "upper": _lengths(upper), "boundary": boundary},
+        "domain": {"lower": lengths(lower), "upper": lengths(upper), "boundary": boundary},
         "grid": {
             "coarse_cell": f"{float(coarse)!r} m",
             "levels": int(random.integers(1, 4 if dimension == 2 else 3)),
@@ -70,10 +72,6 @@ def random_mine(seed: int) -> dict:
     }
 
 
-def _lengths(values) -> list[str]:
-    return [f"{float(value)!r} m" for value in values]
-
-
 def _faces(random, faces) -> dict:
     return {face: str(random.choice(CONDITIONS)) for face in faces}
 
@@ -82,7 +80,7 @@ def _box(random, lower, upper) -> dict:
     """A box within the domain or across its faces. It may be as thin as 3 % of the domain."""
     side = (upper - lower) * 10.0 ** random.uniform(-1.5, -0.2, len(lower))
     start = lower - 0.1 * side + random.random(len(lower)) * (upper - lower - 0.8 * side)
-    return {"shape": "box", "lower": _lengths(start), "upper": _lengths(start + side)}
+    return {"shape": "box", "lower": lengths(start), "upper": lengths(start + side)}
 
 
 def _ball(random, lower, upper, dimension: int) -> dict:
@@ -90,7 +88,7 @@ def _ball(random, lower, upper, dimension: int) -> dict:
     center = random.uniform(lower + 0.1 * (upper - lower), upper - 0.1 * (upper - lower))
     return {
         "shape": "sphere" if dimension == 3 else "circle",
-        "center": _lengths(center),
+        "center": lengths(center),
         "radius": f"{float(radius)!r} m",
     }
 

@@ -15,9 +15,9 @@ from common.errors import InputError
 from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.grid.adjacency import holding_cells
 from verification.computed_stages import computed_stages
+from verification.studies import default_settings, merge
 from workflow.configuration import load
 
-DEFAULT = yaml.safe_load((Path(__file__).parents[2] / "config" / "default.yaml").read_text())
 RESTS, REFUSED, ENDED, BROKEN, HANGS, WRONG = "at rest", "refused", "ended", "traceback", "hangs", "wrong"
 FAULTS = (BROKEN, HANGS, WRONG)
 MAX_SCENE_SECONDS = 120  # Processor time of a scene above which it counts as hanging.
@@ -62,7 +62,7 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
     began = time.process_time()
     try:
         with _limit(seconds):
-            mine = load(_over(DEFAULT, values), folder / "mine.yaml", DEFAULT)
+            mine = load(merge(default_settings(), values), folder / "mine.yaml", default_settings())
             for name, dataset, _ in computed_stages(mine, failed):
                 stored[name] = dataset
         wrong = [fault for name in list(stored)[1:] for fault in faults(values, stored["grid"], stored[name])]
@@ -74,11 +74,6 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
     except Exception:  # A traceback that a user would see is a finding here.
         kind, message = BROKEN, traceback.format_exc().strip().replace("\n", " | ")
     return Outcome(kind, message, time.process_time() - began, stored, failed.exists())
-
-
-def _over(base: dict, top: dict) -> dict:
-    both = [key for key in base if isinstance(base[key], dict) and isinstance(top.get(key), dict)]
-    return base | top | {key: _over(base[key], top[key]) for key in both}
 
 
 def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:

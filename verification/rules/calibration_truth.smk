@@ -1,6 +1,6 @@
-"""A calibration on known truth: its trials are calibrated to records whose true values are known."""
+"""A calibration on known truth: the mine's trials are calibrated to records whose true values are known."""
 
-from verification.calibration_truth.settings import case_slice, cases, truths
+from verification.calibration_truth.settings import case_slice, records, truths
 
 TRUTH = "results/calibration_truth"
 
@@ -11,11 +11,11 @@ rule truth_record:
         grid=ancient(FILES.own("grid.nc")),
         solids=MINE.solids(),
     output:
-        f"{TRUTH}/{{case}}.nc",
+        f"{TRUTH}/records/{{record}}.nc",
     log:
-        "logs/calibration_truth/{case}.log",
+        "logs/calibration_truth/records/{record}.log",
     wildcard_constraints:
-        case="|".join(cases()),
+        record="|".join(records()),
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1
@@ -26,25 +26,24 @@ rule truth_record:
         code=source_hash("calibration trial"),
         settings=STAGES.named_slice(
             MINE.name,
-            lambda wildcards: f"calibration/truth_{wildcards.case}",
-            lambda wildcards: case_slice(TRIALS, wildcards.case),
+            lambda wildcards: f"calibration/truth_{wildcards.record}",
+            lambda wildcards: case_slice(TRIALS, wildcards.record),
         ),
     shell:
         "NUMBA_NUM_THREADS={threads} stage calibration trial --settings {params.settings:q} --output {output} --log {log}"
 
 
-rule calibration_truth:
-    """Coverage and widths of intervals, twins that come back, records that are flagged, another sampler."""
+rule truth_case:
+    """Claims of calibrations by some of the terms."""
     input:
         trials=lambda wildcards: TRIALS.all_trial_files(checkpoints),
         finer=lambda wildcards: TRIALS.finer_files(),
         record=FILES.own("record.nc"),
-        records=[f"{TRUTH}/{case}.nc" for case in cases()],
+        records=[f"{TRUTH}/records/{record}.nc" for record in records()],
     output:
-        table=f"{TRUTH}/table.csv",
-        page=f"{TRUTH}/report.html",
+        f"{TRUTH}/cases/{{case}}.json",
     log:
-        "logs/calibration_truth/report.log",
+        "logs/calibration_truth/cases/{case}.log",
     conda:
         "../../workflow/envs/environment.yaml"
     threads: 1
@@ -52,13 +51,13 @@ rule calibration_truth:
         mem_mb=2000,
         runtime=60,
     params:
-        code=source_hash("verification.calibration_truth report"),
+        code=source_hash("verification case", "verification.calibration_truth.study"),
         settings=STAGES.named_slice(
             MINE.name,
             lambda wildcards: "calibration/truth",
             lambda wildcards: TRIALS.fit_slice() | truths(TRIALS),
         ),
     shell:
-        "stage verification.calibration_truth report --settings {params.settings:q} --trials {input.trials}"
-        " --finer {input.finer} --record {input.record} --records {input.records}"
-        " --table {output.table} --page {output.page} --log {log}"
+        "stage verification case calibration_truth {wildcards.case} --input settings {params.settings:q}"
+        " --input trials {input.trials} --input finer {input.finer} --input record {input.record}"
+        " --input records {input.records} --output {output} --log {log}"

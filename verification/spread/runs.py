@@ -6,7 +6,8 @@ perturbed runs only.
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -55,6 +56,15 @@ class Catalogue:
     law: str
     b: float
     seconds: float = np.nan
+
+    def written(self) -> dict[str, Any]:
+        """The catalogue, as JSON can hold it."""
+        return asdict(self) | {"sizes": self.sizes.tolist()}
+
+    @classmethod
+    def read(cls, given: dict[str, Any]) -> "Catalogue":
+        """From what `written` gave."""
+        return cls(**given | {"sizes": np.array(given["sizes"], float)})
 
 
 def _mean_excess(run: Catalogue) -> float:

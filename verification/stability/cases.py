@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
-from verification.known_misses import KnownMiss
+from verification.rows import KnownMiss
 from verification.stability.judges import Judge
 
 

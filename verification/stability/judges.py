@@ -11,7 +11,7 @@ import xarray as xr
 
 from verification.cavities.coulomb import CoulombRock, PlasticSphere, PlasticTunnel
 from verification.extremes.outcomes import RESTS, Outcome
-from verification.stability.scenes import MINED_HEIGHT
+from verification.scenes import MINED_HEIGHT
 from verification.studies import merge
 
 CLOSURE_RADII = 1.5, 3.0  # Distances in radii between which a hole's closure is measured.

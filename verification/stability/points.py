@@ -6,20 +6,19 @@ import math
 import tempfile
 import time
 import traceback
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from common.datasets import atomic_path
 from common.errors import InputError
-from verification.extremes.outcomes import DEFAULT, FAULTS, RESTS, Outcome
+from verification.extremes.outcomes import FAULTS, RESTS, Outcome
 from verification.extremes.outcomes import run as run_stages
 from verification.extremes.tiny_mine import write_mine
+from verification.rows import KNOWN_MISS, VERDICTS
 from verification.stability.balances import broken, lacking
 from verification.stability.cases import Case, Knob
-from verification.studies import merge
+from verification.studies import default_settings, merge
 from workflow.configuration import load
 
 RIGHT, SOUND, WRONG, ENDED, REFUSED, FAULT = (
@@ -39,8 +38,8 @@ class Point:
     """A case and its result.
 
     error: by its judge, NaN where there is none or nothing to judge. known: why the case is wrong, where that is known.
-    fails: whether the target must fail for it. seconds: processor time. mass (kg), momentum_error (share), net_force
-    (N), energy_left_share: the largest of all states.
+    passed: "no" where the target must fail for it, "known miss" where it is no worse than is known. seconds: processor
+    time. mass (kg), momentum_error (share), net_force (N), energy_left_share: the largest of all states.
     """
 
     knob: str
@@ -51,7 +50,7 @@ class Point:
     allowed: float
     message: str
     known: str
-    fails: bool
+    passed: str
     seconds: float
     mass: float
     momentum_error: float
@@ -99,14 +98,15 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
         return FAULT, math.nan, f"{outcome.kind}: {outcome.message}", facts
     if outcome.kind != RESTS:
         return ENDED if outcome.has_begun else REFUSED, math.nan, _told(outcome.message, run), facts
-    faults = broken(merge(DEFAULT, case.values), outcome)
+    values = merge(default_settings(), case.values)
+    faults = broken(values, outcome)
     if faults:
         return FAULT, math.nan, faults[0], facts
     lacks, line = lacking(outcome)
     facts["energy_left_share"] = lacks
     if case.judge is None:
         return (WRONG, lacks, line, facts) if line else (SOUND, math.nan, "", facts)
-    error = case.judge(merge(DEFAULT, case.values), outcome, run)
+    error = case.judge(values, outcome, run)
     attributes = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
     cut = [f"labelled truncated: {state['truncated_where']}" for state in attributes if state["truncated"]]
     is_right = error <= case.allowed and not line
@@ -125,7 +125,8 @@ def _mistake(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     begins, says = case.refused
     file = write_mine(case.values, run.folder / "mine.yaml")
     try:
-        load(merge(DEFAULT, case.values), file, DEFAULT)
+        default = default_settings()
+        load(merge(default, case.values), file, default)
     except InputError as error:
         told = _told(str(error), run)
         if told.startswith(begins) and says in told and "\n" not in told:
@@ -145,19 +146,10 @@ def balances_of(outcome: Outcome) -> dict[str, float]:
 
 def _point(knob: Knob, case: Case, kind: str, error: float, message: str, facts: dict, seconds: float) -> Point:
     known = case.known.cause if case.known and kind == WRONG else ""
-    fails = kind == FAULT or (kind == WRONG and not (case.known and error <= case.known.at_most))
+    passed = VERDICTS[kind not in (WRONG, FAULT)]
+    if kind == WRONG and case.known and error <= case.known.at_most:
+        passed = KNOWN_MISS
     facts = {name: facts.get(name, math.nan) for name in ("mass", "momentum_error", "net_force", "energy_left_share")}
     return Point(
-        knob.key, case.series, case.value, kind, error, case.allowed, message, known, fails, round(seconds, 2), **facts
+        knob.key, case.series, case.value, kind, error, case.allowed, message, known, passed, round(seconds, 2), **facts
     )
-
-
-def write_points(points: Iterable[Point], path: Path) -> None:
-    """Write points as JSON, atomically. NaN and infinity stay what they are."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps([asdict(point) for point in points], indent=1), encoding="utf-8")
-
-
-def read_points(path: Path) -> list[Point]:
-    """What `write_points` wrote."""
-    return [Point(**entry) for entry in json.loads(Path(path).read_text(encoding="utf-8"))]

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator
 
-from verification.known_misses import KnownMiss
+from verification.rows import KnownMiss
+from verification.scenes import MODULUS, PRESSURE, column, coulomb, elastic, failing, filled, hole
 from verification.stability.cases import Case, Knob
 from verification.stability.judges import (
     closure_error,
@@ -12,7 +13,6 @@ from verification.stability.judges import (
     same_motion,
     wall_error,
 )
-from verification.stability.scenes import MODULUS, PRESSURE, column, coulomb, elastic, failing, filled, hole
 from verification.studies import merge
 
 # Allowed errors as shares. In closure and front 0.4 of a cell, an eighth of a tunnel's radius, a quarter of a sphere's.

@@ -11,7 +11,8 @@ from unittest.mock import patch
 import numpy as np
 
 from mpm_core.equilibrium import body
-from verification.known_misses import KnownMiss
+from verification.rows import KnownMiss
+from verification.scenes import ADAPTIVE, coulomb, failing, hole, section
 from verification.stability.cases import Case, Knob
 from verification.stability.judges import (
     closure_error,
@@ -25,7 +26,6 @@ from verification.stability.judges import (
     tighter,
 )
 from verification.stability.rock import LOOSEST, MAX_MOTION_DIFFERENCE, MAX_TUNNEL_ERROR
-from verification.stability.scenes import ADAPTIVE, coulomb, failing, hole, section
 
 MAX_CHANGE_ON_FINER_CELLS = 0.15  # Share of the energy set in motion. Corners of openings converge slowly.
 # Share of the largest motion. In perfectly plastic rock the schemes reach different equilibria within the tolerance.

@@ -10,7 +10,6 @@ from verification.tradeoff.knobs import BY_KEY, KNOBS
 from verification.tradeoff.measures import ITSELF
 from verification.tradeoff.points import Point
 from verification.tradeoff.runs import Line, Scene
-from verification.tradeoff.sentences import change, speed
 from workflow.accuracy import DRAFT, FINE, STANDARD
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555", "#882255")  # Okabe, Ito; Tol
@@ -75,8 +74,8 @@ def changes(panel: Axes, scene: Scene) -> None:
     """Change of the main measure against the gain in speed, for each value of a knob, log-log."""
     for line in scene.lines:
         others = [member for member in line.members if member is not line.anchor]
-        moved = [100 * max(MIN_DRAWN_CHANGE, abs(change(scene, line, member))) for member in others]
-        fast = [speed(scene, line, member) for member in others]
+        moved = [100 * max(MIN_DRAWN_CHANGE, abs(scene.change(line, member))) for member in others]
+        fast = [scene.speed(line, member) for member in others]
         title = BY_KEY[line.knob].title + ("*" if line.beside else "")
         _plot(panel, fast, moved, line, title, linestyle="none")
         for member, x, y in zip(others, fast, moved, strict=True):

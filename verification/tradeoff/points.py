@@ -1,13 +1,11 @@
 """One point for each variant of a study: values of its knobs, its measures, and its costs."""
 
-import json
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from common.costs import Costs
-from common.datasets import atomic_path
 from common.errors import InputError
 from verification.results import Results, Variant
 from verification.tradeoff.knobs import Value, settings_of
@@ -48,6 +46,11 @@ class Points:
     exact: dict[str, float]
     points: list[Point]
 
+    @classmethod
+    def read(cls, given: dict[str, Any]) -> "Points":
+        """From what `asdict` made of them."""
+        return cls(given["study"], given["exact"], [Point(**point) for point in given["points"]])
+
 
 def measure_study(results: Results) -> Points:
     """Points of all variants of a study. Raises InputError where the study names an unknown kind of scene."""
@@ -86,15 +89,3 @@ def _point(name: str, variant: Variant, measures: dict[str, float], with_events:
         cells=int(last.attrs.get("cells", variant.grid.sizes["cell"])),
         failed=int((last.failed.values >= 0).sum()) if steps else 0,
     )
-
-
-def write_points(points: Points, path: Path) -> None:
-    """Write points as JSON, atomically."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(json.dumps(asdict(points), indent=1) + "\n", encoding="utf-8")
-
-
-def read_points(path: Path) -> Points:
-    """What write_points wrote."""
-    text = json.loads(Path(path).read_text(encoding="utf-8"))
-    return Points(text["study"], text["exact"], [Point(**point) for point in text["points"]])

@@ -16,6 +16,8 @@ from workflow.accuracy import PRESETS, STANDARD
 
 MIN_WORK = 0.1  # Less processor time cannot be told from the start of a process, s.
 MIN_SPEEDUP = 1.05  # A run counts as faster from here on, however little repeated runs scatter.
+MAX_CHEAP_CHANGE = 0.01  # Change of the main measure up to which a gain in speed is cheap, as a share.
+MIN_ERROR_GAIN = 0.1  # Share by which an error has to be smaller before accuracy counts as gained.
 
 
 def pareto_front(cost: ArrayLike, error: ArrayLike) -> NDArray[np.bool_]:
@@ -158,6 +160,26 @@ class Scene:
             return None
         better = [other for other in front if self.cost(other) <= cost and self.error(other, self.main) <= error]
         return min(better, key=self.cost)
+
+    def speed(self, line: Line, member: Point) -> float:
+        """How many times as fast a member is as the line's anchor."""
+        return self.cost(line.anchor) / self.cost(member)
+
+    def change(self, line: Line, member: Point) -> float:
+        """Signed change of the main measure as a share of the anchor's; a difference where the measure is an error."""
+        before, after = (point.measures[self.main.key] for point in (line.anchor, member))
+        return after - before if self.main.kind == ITSELF else after / before - 1.0 if before else np.nan
+
+    def buys(self, line: Line, member: Point) -> str:
+        """What a member buys over the line's anchor: speed, accuracy or nothing, beyond the noise."""
+        if line.knob in SEISMIC:
+            return "another count of events"
+        speed = self.speed(line, member)
+        if speed > self.clear:
+            is_cheap = abs(self.change(line, member)) <= MAX_CHEAP_CHANGE
+            return f"speed, for {'less' if is_cheap else 'more'} than {100 * MAX_CHEAP_CHANGE:g} %"
+        was, now = self.error(line.anchor, self.main), self.error(member, self.main)
+        return "accuracy" if speed < 1 / self.clear and 1.0 - now / (was or np.nan) > MIN_ERROR_GAIN else "nothing"
 
     def label(self, point: Point) -> str:
         """Settings that a run changes, in words, after the name of its preset."""

@@ -1,4 +1,4 @@
-"""Scenes of the limits of the numerics, as mine files would hold them."""
+"""Scenes of studies that drive the numerics to their limits, as mine files would hold them."""
 
 import numpy as np
 

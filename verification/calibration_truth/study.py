@@ -1,0 +1,70 @@
+"""The study of a calibration on known truth: a case for each set of terms, a row for each claim."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from calibration.stages import read_calibration
+from common.event_table import read_events
+from common.slices import read_slice
+from verification.calibration_truth import claims
+from verification.calibration_truth.claims import COLUMNS, Claim
+from verification.calibration_truth.figure import draw, intervals
+from verification.calibration_truth.settings import SAME_LAW, TERMS
+from verification.frame import CaseResults, Inputs, MeasuringStudy
+from verification.page_tables import Columns
+
+
+def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
+    """Claims, and intervals of the figure, of calibrations by the terms of a case.
+
+    inputs: `settings` of the calibration with the true values, its `trials`, those on `finer` cells, the mine's
+    `record`, and the `records` that were made.
+    """
+    (settings,), (record,), trials = inputs["settings"], inputs["record"], inputs["trials"]
+    given = read_slice(settings)
+    varied = given | {"calibration": given["calibration"] | {"terms": TERMS[name]}}
+    designed = np.array([number for number, trial in enumerate(given["trials"]) if trial["kind"] == "design"])
+    found = read_calibration(varied, trials, inputs["finer"], record)
+    tested = found.self_test(designed)
+    rows = claims.self_test_claims(found, tested, designed)
+    for path in inputs["records"]:
+        case, fit = Path(path).stem, claims.fit_to_catalogue(found, read_events(path))
+        if case == SAME_LAW:
+            rows += claims.twin_claims(found, case, given["truth"], fit, wanted_flag=False)
+        else:
+            rows.append(claims.flag_claim(found, case, fit.posterior, wanted_flag=True))
+    rows += claims.twin_claims(found, "record", given["record_truth"], found.fit, wanted_flag=False)
+    blind = read_calibration(varied, trials, [], record)
+    rows += claims.twin_claims(blind, "record, cells not corrected", given["record_truth"], blind.fit, wanted_flag=True)
+    rows += claims.chain_claims(found, found.settings.quantities)
+    true = np.array([found.rows.points[np.flatnonzero(found.rows.trials == trial)[0]] for trial in designed])
+    claimed = [asdict(row) | {"holds": bool(row.holds)} for row in rows]
+    return {"claims": claimed, "intervals": intervals(tested, true, found.settings.quantities)}
+
+
+def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
+    """The table of all claims."""
+    rows = pd.DataFrame(
+        [asdict(Claim(**row)) for result in results.values() for row in result["claims"]], columns=list(COLUMNS)
+    )
+    rows["holds"] = rows["holds"].map({True: "yes", False: "no"})
+    return {"table": rows}
+
+
+def figures(results: CaseResults) -> dict[str, Figure]:
+    """Intervals of each quantity beside the value that made the trial, of the first case."""
+    return {"figure": draw(next(iter(results.values()))["intervals"])}
+
+
+STUDY = MeasuringStudy(
+    measure_case,
+    tables,
+    figures,
+    shown=(Columns("Claims and what was found", COLUMNS),),
+    names=("claim", "record", "terms", "quantity"),
+)

@@ -1,5 +1,0 @@
-"""Tables of the study's page, from its table.csv."""
-
-from verification.page_tables import Counts
-
-TABLES = (Counts("How random mines end", "series", "kind"),)

@@ -1,0 +1,165 @@
+"""Studies from their cases to their tables, and a verdict on each table: verification/frame.py.
+
+A study with a known answer is a file of config/verification. The rules of a mine run its variants.
+"""
+
+STUDY = "results/verification/{study}"
+VERDICT = "stage verification verdict {rule} --table {input.table} --log {log}"
+
+
+rule answer:
+    """One study beside its known answer: a table of expected and obtained, a figure, and what its variants cost."""
+    input:
+        results=STUDIES.results,
+        study=STUDIES.file("{study}"),
+    output:
+        table=f"{STUDY}/table.csv",
+        figure=f"{STUDY}/figure.svg",
+        costs=f"{STUDY}/costs.csv",
+        made=f"{STUDY}/made.json",
+    log:
+        "logs/verification/{study}.log",
+    conda:
+        "../../workflow/envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        code=STUDIES.answer_sources,
+        default=STUDIES.default_text,
+    shell:
+        "stage verification answer {wildcards.study}"
+        " --output {output.table} --figure {output.figure} --costs {output.costs} --log {log}"
+
+
+rule summary:
+    """The rows of all studies with a known answer in one table."""
+    input:
+        STUDIES.tables,
+    output:
+        table="results/verification/table.csv",
+        made="results/verification/made.json",
+    log:
+        "logs/verification/table.log",
+    conda:
+        "../../workflow/envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        code=source_hash("verification table"),
+    shell:
+        "stage verification table verification --cases {input} --output {output.table} --log {log}"
+
+
+rule case:
+    """One case of a measuring study. Cases of calibration_truth have a rule of their own."""
+    input:
+        CASES.inputs,
+    output:
+        "results/{target}/cases/{case}.json",
+    log:
+        "logs/{target}/cases/{case}.log",
+    wildcard_constraints:
+        target="|".join(MEMORY),
+    conda:
+        "../../workflow/envs/environment.yaml"
+    threads: CASES.threads
+    resources:
+        mem_mb=lambda wildcards: MEMORY[wildcards.target],
+        runtime=60,
+    params:
+        code=CASES.case_sources,
+        settings=CASES.settings,
+        options=CASES.options,
+    shell:
+        "stage verification case {wildcards.target} {wildcards.case} {params.options}"
+        " --threads {threads} --output {output} --log {log}"
+
+
+rule table:
+    """All cases of a measuring study in one table, with its figures and what it was made from beside it."""
+    input:
+        lambda wildcards: CASES.files(wildcards.target),
+    output:
+        table="results/{target}/table.csv",
+        made="results/{target}/made.json",
+    log:
+        "logs/{target}/table.log",
+    conda:
+        "../../workflow/envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    params:
+        code=CASES.table_sources,
+        settings=CASES.settings,
+    shell:
+        "stage verification table {wildcards.target} --cases {input} --output {output.table} --log {log}"
+
+
+rule verification:
+    """The verdict on the table of a study: it fails if a row fails that is not a known miss."""
+    input:
+        table="results/verification/table.csv",
+    log:
+        "logs/verification/verdict.log",
+    conda:
+        "../../workflow/envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    shell:
+        VERDICT
+
+
+# `verification` is that of all scenes with a known answer. What each setting buys, speed against accuracy:
+use rule verification as tradeoff with:
+    input:
+        table="results/tradeoff/table.csv",
+    log:
+        "logs/tradeoff/verdict.log",
+
+
+# Variances of potency, number, b and the largest event by source; what an ensemble costs and buys.
+use rule verification as catalog_spread with:
+    input:
+        table="results/catalog_spread/table.csv",
+    log:
+        "logs/catalog_spread/verdict.log",
+
+
+# Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
+use rule verification as benchmarks with:
+    input:
+        table="results/benchmarks/table.csv",
+    log:
+        "logs/benchmarks/verdict.log",
+
+
+# The numerics driven until they break, one setting at a time; fails if a run is a fault, or wrong beyond what is known.
+use rule verification as stability with:
+    input:
+        table="results/stability/table.csv",
+    log:
+        "logs/stability/verdict.log",
+
+
+# Random mines at the extremes.
+use rule verification as extremes with:
+    input:
+        table="results/extremes/table.csv",
+    log:
+        "logs/extremes/verdict.log",
+
+
+# Coverage and widths of intervals of a calibration, twins that come back, records that are flagged, another sampler.
+use rule verification as calibration_truth with:
+    input:
+        table="results/calibration_truth/table.csv",
+    log:
+        "logs/calibration_truth/verdict.log",

@@ -1,0 +1,201 @@
+"""The study of speed against accuracy: a case for each scene, a row for each run, and what each setting buys."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from verification.frame import LOGS, RESULTS, CaseResults, Inputs, MeasuringStudy
+from verification.page_tables import Columns, Cross
+from verification.results import read_results
+from verification.studies import FOLDER, load_study
+from verification.tradeoff.figure import draw
+from verification.tradeoff.knobs import BY_KEY, CHOSEN, KNOBS, changed
+from verification.tradeoff.measures import ITSELF, MEASURES
+from verification.tradeoff.points import Points, measure_study
+from verification.tradeoff.runs import Scene
+from workflow.accuracy import PRESETS, STANDARD
+
+PRICES, TRUTHS = "prices", "truths"  # Names of the tables beside the rows of all runs.
+PRICE_COLUMNS = (
+    *("scene", "setting", "from", "to", "beside", "times_as_fast", "change", "error_before", "error"),
+    *("events_before", "events", "buys", "price", "fastest"),
+)
+TRUTH_COLUMNS = ("scene", "measure", "unit", "truth", "order", "finest_from_truth", "source")
+
+
+def measure_case(name: str, inputs: Inputs, threads: int) -> dict:
+    """Results and costs of the runs of one scene."""
+    study = load_study(FOLDER / f"{name}.yaml")
+    return asdict(measure_study(read_results(study, RESULTS / name, LOGS / name)))
+
+
+def scenes_of(results: CaseResults) -> list[Scene]:
+    """The scenes, with their studies as the files of config/verification have them."""
+    return [Scene(load_study(FOLDER / f"{name}.yaml"), Points.read(points)) for name, points in results.items()]
+
+
+def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
+    """The table of all runs, that of the values of each setting, and that of what measures are compared with."""
+    scenes = scenes_of(results)
+    prices = pd.DataFrame([row for scene in scenes for row in price_rows(scene)], columns=list(PRICE_COLUMNS))
+    truths = pd.DataFrame([row for scene in scenes for row in truth_rows(scene)], columns=list(TRUTH_COLUMNS))
+    return {"table": make_table(scenes), PRICES: prices, TRUTHS: truths}
+
+
+def figures(results: CaseResults) -> dict[str, Figure]:
+    """A figure of each scene, by its name."""
+    return {scene.study.name: draw(scene) for scene in scenes_of(results)}
+
+
+def make_table(scenes: list[Scene]) -> pd.DataFrame:
+    """One row for each run. Names of columns hold the units; errors are shares or in the measure's unit.
+
+    accuracy: the preset. processor_s: processor time of all stages without compiling. work_s: the same less the start
+    of their processes. times_as_fast: speed over that of the base, each by the median of all runs with the same rock.
+    wall_s: wall time, compiling included. compiling_s: processor time of compiling. main_error: that of main_measure,
+    by which runs of the scene are compared. preset: of the base and of runs by the key `accuracy`. beaten_by: the
+    quickest run on the Pareto front that costs and errs no more. noise: slowest over quickest run of the base's rock.
+    """
+    rows = []
+    for scene in scenes:
+        for point, is_front in zip(scene.points, scene.front, strict=True):
+            row = {
+                "scene": scene.study.name,
+                "variant": point.variant,
+                "accuracy": point.accuracy,
+                "changes": scene.label(point),
+                "knob": " ".join(changed(point.settings, scene.base.settings)),
+                "pareto_front": "yes" if is_front else "",
+                "processor_s": point.seconds,
+                "work_s": scene.work(point),
+                "times_as_fast": scene.cost(scene.base) / scene.cost(point),
+                "wall_s": point.wall,
+                "compiling_s": point.compiling,
+                "memory_MiB": point.memory,
+                "cells": point.cells,
+                "failed_particles": point.failed,
+                "main_measure": scene.main.title,
+                "main_error": scene.error(point, scene.main),
+                "preset": point.accuracy if point in scene.presets else "",
+                "beaten_by": scene.label(better) if (better := scene.beaten_by(point)) else "",
+                "noise": scene.noise if point is scene.base else np.nan,
+            }
+            row |= {f"error_{measure.key}": scene.error(point, measure) for measure in scene.measures}
+            row |= {_column(measure.key): point.measures[measure.key] for measure in scene.measures}
+            rows.append(row | {f"set_{knob.key}": point.settings[knob.key] for knob in KNOBS})
+    table = pd.DataFrame(rows)
+    errors = [f"error_{key}" for key in MEASURES]
+    first = [column for column in rows[0] if not column.startswith(("error_", "set_")) and column not in _columns()]
+    order = [*first, *errors, *_columns(), *(f"set_{knob.key}" for knob in KNOBS)]
+    table["set_increments"] = table["set_increments"].replace(CHOSEN, 0)
+    return table.reindex(columns=[column for column in order if column in table]).replace({np.inf: np.nan})
+
+
+def _column(key: str) -> str:
+    unit = MEASURES[key].unit
+    return key if unit == "1" else f"{key}_{unit}"
+
+
+def _columns() -> list[str]:
+    return [_column(key) for key in MEASURES]
+
+
+def price_rows(scene: Scene) -> list[dict]:
+    """One row for each value that runs give a setting, over the line's own value of it.
+
+    beside: other settings that the whole line changes. times_as_fast: over the run with the value `from`. change: of
+    the main measure, as a share of that of this run; a difference where the measure is an error. price: speed and
+    change in a few words, "no speed" where the value is not clearly faster. fastest: yes for the fastest value.
+    """
+    rows = []
+    for line in scene.lines:
+        knob = BY_KEY[line.knob]
+        others = [member for member in line.members if member is not line.anchor]
+        fastest = max(others, key=lambda member: scene.speed(line, member))
+        for member in others:
+            value, speed, change = (
+                knob.text(member.settings[line.knob]),
+                scene.speed(line, member),
+                scene.change(line, member),
+            )
+            rows.append(
+                {
+                    "scene": scene.study.name,
+                    "setting": knob.title,
+                    "from": knob.text(line.anchor.settings[line.knob]),
+                    "to": value,
+                    "beside": line.beside,
+                    "times_as_fast": speed,
+                    "change": change,
+                    "error_before": scene.error(line.anchor, scene.main),
+                    "error": scene.error(member, scene.main),
+                    "events_before": line.anchor.measures.get("events", np.nan),
+                    "events": member.measures.get("events", np.nan),
+                    "buys": scene.buys(line, member),
+                    "price": f"{value}: {speed:.2g} x, {100 * change:+.2g} %" if speed > scene.clear else "no speed",
+                    "fastest": "yes" if member is fastest else "",
+                }
+            )
+    return rows
+
+
+def truth_rows(scene: Scene) -> list[dict]:
+    """What the measures of a scene are compared with, where their value is not their error.
+
+    order: of convergence of ever smaller cells. finest_from_truth: error of the finest run; smaller ones say little.
+    """
+    rows = []
+    for measure in scene.measures:
+        limit = scene.truths[measure.key]
+        if measure.kind == ITSELF:
+            continue
+        source, beyond = "nothing to compare with", np.nan
+        if measure.key in scene.exact:
+            source = "closed form"
+        elif np.isfinite(limit.order):
+            source = "limit of ever smaller cells"
+            beyond = measure.error(scene.series[-1].measures[measure.key], limit.value)
+        elif np.isfinite(limit.value):
+            source = f"run {scene.series[-1].variant}"
+        values = (scene.study.name, measure.title, measure.unit, limit.value, limit.order, beyond, source)
+        rows.append(dict(zip(TRUTH_COLUMNS, values, strict=True)))
+    return rows
+
+
+BASES = ("preset", (STANDARD,))
+STUDY = MeasuringStudy(
+    measure_case,
+    tables,
+    figures,
+    shown=(
+        Cross(
+            "Price list: the fastest value of each setting, how many times as fast as the base it is, and the change "
+            "of the main measure (in elastic scenes, of its error)",
+            ("setting",),
+            "scene",
+            "price",
+            ("fastest", ("yes",)),
+            file=PRICES,
+        ),
+        Columns("The base of each scene", ("scene", "work_s", "noise", "memory_MiB", "cells"), BASES),
+        Columns("What runs are compared with", TRUTH_COLUMNS, file=TRUTHS),
+        Columns("What each value of a setting buys", PRICE_COLUMNS[:-2], file=PRICES),
+        Columns(
+            "Presets",
+            ("scene", "preset", "times_as_fast", "main_measure", "main_error", "pareto_front", "beaten_by"),
+            ("preset", tuple(PRESETS)),
+        ),
+        Columns(
+            "Pareto front: no run is both faster and nearer",
+            ("scene", "changes", "work_s", "times_as_fast", "memory_MiB", "main_measure", "main_error"),
+            ("pareto_front", ("yes",)),
+        ),
+        Columns(
+            "Each run beside its scene's base",
+            ("scene", "changes", "times_as_fast", "memory_MiB", "cells", "pareto_front"),
+        ),
+    ),
+    names=("scene", "variant"),
+)
