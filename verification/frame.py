@@ -146,19 +146,20 @@ def give_verdict(study: str, table: Path) -> None:
 
     Only tables with a column "passed" have rows that can fail.
     """
-    names = ("scene", "quantity") if study == VERIFICATION else load(study).names
     rows = pd.read_csv(table, dtype=str, keep_default_na=False).to_dict("records")
     for row in rows:
         if row.get("passed") == PASSES_NOW:
             file = f"config/verification/{row['scene']}.yaml"
             logging.warning("%s: '%s' passes now; take it off known_misses", file, row["quantity"])
-    failing = [": ".join(row[name] for name in names) for row in rows if row.get("passed") == VERDICTS[False]]
+    failing = [row for row in rows if row.get("passed") == VERDICTS[False]]
     known = sum(row.get("passed") == KNOWN_MISS for row in rows)
     beside = f", beside {known} known miss{'es' if known > 1 else ''}" if known else ""
-    for name in failing:
-        logging.error("%s fails", name)
     if failing:
-        first = "; ".join(failing[:MAX_NAMED]) + ("; ..." if len(failing) > MAX_NAMED else "")
+        columns = ("scene", "quantity") if study == VERIFICATION else load(study).names
+        named = [": ".join(row[column] for column in columns) for row in failing]
+        for name in named:
+            logging.error("%s fails", name)
+        first = "; ".join(named[:MAX_NAMED]) + ("; ..." if len(named) > MAX_NAMED else "")
         raise InputError(f"{len(failing)} of {len(rows)} rows fail{beside} ({first}); see {table}")
     logging.info("no row of %d fails%s", len(rows), beside)
     print(f"{study}: no row of {len(rows)} fails{beside}; see {table}")

@@ -12,8 +12,8 @@ from calibration.settings import CalibrationSettings, strength_under
 from calibration.stages import Calibration
 from calibration.trials import Outputs, Recorded
 from verification.calibration_truth import claims
-from verification.calibration_truth.figure import draw, intervals
 from verification.calibration_truth.settings import SAME_LAW, case_slice, records, truths
+from verification.calibration_truth.study import draw, intervals
 from workflow.calibration_trials import CalibrationTrials
 from workflow.configuration import load
 from workflow.strict_yaml import read_yaml

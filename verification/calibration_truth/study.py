@@ -1,5 +1,6 @@
 """The study of a calibration on known truth: a case for each set of terms, a row for each claim."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -7,13 +8,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from calibration.figures import axis_label, label_log_axis
+from calibration.fit import SHARES
+from calibration.fit import SelfTest
+from calibration.settings import CalibratedQuantity
 from calibration.stages import read_calibration
+from catalogs.figures import style
 from common.event_table import read_events
 from common.slices import read_slice
 from verification.calibration_truth import claims
 from verification.calibration_truth.claims import COLUMNS, Claim
-from verification.calibration_truth.figure import draw, intervals
 from verification.calibration_truth.settings import SAME_LAW, TERMS
 from verification.frame import CaseResults, Inputs, MeasuringStudy
 from verification.page_tables import Columns
@@ -45,6 +51,42 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
     true = np.array([found.rows.points[np.flatnonzero(found.rows.trials == trial)[0]] for trial in designed])
     claimed = [asdict(row) | {"holds": bool(row.holds)} for row in rows]
     return {"claims": claimed, "intervals": intervals(tested, true, found.settings.quantities)}
+
+
+def intervals(tested: SelfTest, true: NDArray, quantities: Sequence[CalibratedQuantity]) -> list[dict[str, Any]]:
+    """What a panel shows of each quantity, as JSON can hold it; true (trial, quantity): values in the unit cube."""
+    found = []
+    for number, quantity in enumerate(quantities):
+        low, middle, high = np.array([posterior.quantiles(SHARES)[:, number] for posterior in tested.posteriors]).T
+        shares = {"true": true[:, number], "low": low, "middle": middle, "high": high, "ends": (0.0, 1.0)}
+        panel: dict[str, Any] = {name: [float(quantity.value(share)) for share in one] for name, one in shares.items()}
+        panel |= {"held": tested.held[:, number].tolist(), "label": axis_label(quantity), "scale": quantity.scale}
+        found.append(panel)
+    return found
+
+
+def draw(found: list[dict[str, Any]]) -> Figure:
+    """One panel for each quantity of `intervals`."""
+    count = len(found)
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = style.new_figure(width=3.6 * columns, height=3.1 * rows)
+    for number, quantity in enumerate(found):
+        panel = figure.add_subplot(rows, columns, number + 1)
+        at, low, middle, high, was_held = (np.array(quantity[key]) for key in ("true", "low", "middle", "high", "held"))
+        for held, colour, label in ((True, style.MODELLED, "holds the value"), (False, style.RECORDED, "misses it")):
+            chosen = was_held == held
+            bars = [(middle - low)[chosen], (high - middle)[chosen]]
+            panel.errorbar(at[chosen], middle[chosen], bars, fmt=".", color=colour, elinewidth=0.8, label=label)
+        panel.plot(quantity["ends"], quantity["ends"], color=style.OUTLINE, linewidth=0.8)
+        panel.set(xlabel=f"true {quantity['label']}", ylabel="90 % interval")
+        if quantity["scale"] == "log":
+            panel.set(xscale="log", yscale="log")
+            label_log_axis(panel.xaxis)
+            label_log_axis(panel.yaxis)
+        if number == 0:
+            panel.legend(loc="upper left", bbox_to_anchor=(0.0, 1.22), ncols=2)
+    return figure
 
 
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
