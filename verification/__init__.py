@@ -1,1 +1,1 @@
-"""Scenes with a known answer. The ordinary stages run them; each row of a report compares one quantity."""
+"""Scenes with a known answer. The ordinary stages run them; each row of a table compares one quantity."""

@@ -78,6 +78,13 @@ def test_the_verdict_fails_with_one_line_that_names_the_row(good, tmp_path):
     assert f"verification: no row of 2 fails; see {good}" in run.stdout
 
 
+def test_a_table_without_verdicts_is_reported_and_never_fails(tmp_path, capsys):
+    table = tmp_path / "table.csv"
+    table.write_text("scene,quantity,share\nstope,potency,0.5\n")
+    give_verdict("catalog_spread", table)
+    assert capsys.readouterr().out == f"catalog_spread: 1 rows; see {table}\n"
+
+
 def test_a_known_miss_keeps_its_numbers_and_does_not_fail(tmp_path, capsys):
     table = write(tmp_path / "bad" / "table.csv", rows_of(3.0), {"closure, m": 2.1})
     row = read_rows(table)[0]
