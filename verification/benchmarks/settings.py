@@ -3,13 +3,12 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import yaml
-
 from common.errors import InputError
 from common.quantities import parse_quantity
 from verification.studies import default_settings, merge
 from workflow.configuration import load
 from workflow.mine import Mine
+from workflow.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "config" / "benchmarks.yaml"
@@ -191,4 +190,4 @@ def parse(text: dict) -> Settings:
 
 def read_settings(path: Path = FILE) -> Settings:
     """The settings of a file."""
-    return parse(yaml.safe_load(Path(path).read_text(encoding="utf-8")))
+    return parse(read_yaml(path))
