@@ -94,12 +94,12 @@ def lines_of(name: str, folder: str = "") -> dict[str, float]:
         os.environ["NUMBA_CACHE_DIR"] = folder
     from mpm_core.constitutive.laws import LAWS  # numba: once the folder of kernels is named
     from mpm_core.stages.first_kernels import ListedKernel
-    from verification.computed_stages import computed_stages
+    from workflow.run_mine import run_stages
 
     mine, lines = listed_mine(name), dict[str, float]()
     calls, listed = dict[tuple, float](), set[tuple]()
     with tempfile.TemporaryDirectory() as other, noted_calls(calls):
-        for made, _, _ in computed_stages(mine, Path(other) / "failed.npz"):
+        for made, _, _ in run_stages(mine.run_slices(has_events=False), Path(other) / "failed.npz"):
             for kernel, types in calls.keys() - listed:
                 module = sys.modules[kernel.py_func.__module__]
                 one = ListedKernel(

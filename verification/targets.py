@@ -10,7 +10,6 @@ from pathlib import Path
 from snakemake.iocontainers import Wildcards
 
 from common.errors import InputError
-from common.sources import source_hash
 from verification.benchmarks.settings import Settings, read_settings
 from verification.calibration_truth.settings import TERMS
 from verification.stability import KEYS, SEVERAL_SEEDS
@@ -18,6 +17,7 @@ from verification.studies import MEASURING, Study, load_study
 from workflow.folders import NAME
 from workflow.mine import Mine
 from workflow.result_files import stage_results
+from workflow.stages import package_hash
 
 
 class Studies:
@@ -67,7 +67,7 @@ class Studies:
         return [f"results/verification/{name}/table.csv" for name in self.verified()]
 
     def answer_sources(self, wildcards: Wildcards) -> str:
-        """Hash of the sources of a study's answer: the stage, and the module that the study names.
+        """Hash of the sources of a study's answer.
 
         Ends the run in one line for a scene of a measuring study, whose rows stand in the table of that study.
         """
@@ -75,7 +75,7 @@ class Studies:
         for target, package in MEASURING.items():
             if answer == package:
                 sys.exit(f"config/verification/{wildcards.study}.yaml: its rows stand in results/{target}/table.csv")
-        return source_hash("verification answer", f"verification.answers.{answer}")
+        return package_hash("verification")
 
     def results(self, wildcards: Wildcards) -> list[str]:
         """Results of all stages of all variants of a study."""
@@ -86,12 +86,12 @@ class Studies:
         files = []
         for name in names:
             study = self.read(name)
-            folders = ("steps", "events") if study.events else ("steps",)
             for key, mine in study.mines.items():
-                files += stage_results(f"verification/{name}/{key}", mine, folders)
+                files += stage_results(f"verification/{name}/{key}", mine, study.events)
         return files
 
 
+MEASURED = ("common", "mpm_core", "seismic", "verification", "workflow")  # Packages that a case depends on.
 MEMORY = {"tradeoff": 6000, "catalog_spread": 4000, "stability": 2000, "benchmarks": 21000}  # Of a case, MiB.
 
 
@@ -166,14 +166,3 @@ class Cases:
         if wildcards.target == "benchmarks":
             return json.dumps(asdict(self.benchmarks()), sort_keys=True)
         return self.studies.default_text
-
-    def case_sources(self, wildcards: Wildcards) -> str:
-        """Hash of the sources that measure a case of a target."""
-        sources = ["verification case", f"verification.{MEASURING[wildcards.target]}.study"]
-        if wildcards.target == "benchmarks":
-            sources += ["verification.benchmarks.ours", "verification/benchmarks/peers/"]
-        return source_hash(*sources)
-
-    def table_sources(self, wildcards: Wildcards) -> str:
-        """Hash of the sources that make the table of a target."""
-        return source_hash("verification table", f"verification.{MEASURING[wildcards.target]}.study")

@@ -129,7 +129,7 @@ class Folders:
     def threads(self, folder: str) -> int:
         """Threads of a stage of the mechanics: all of them, unless the folder's mine is small."""
         place, _ = self.parts(folder)
-        return ALL_CORES if self.others is None or place == self.mine.name else self.others.threads_at(place)
+        return ALL_CORES if self.others is None or self.plan_of(place) else self.others.threads_at(place)
 
 
 def _up_to(steps: list[str], step: str) -> list[str]:

@@ -222,10 +222,10 @@ class Mine(Plan):
             return self.grid_slice()
         return self.step_slice(step) if step else self.scene_slice(0)
 
-    def run_slices(self) -> dict:
-        """Settings of all stages up to the events, for workflow.run_mine.run_stages."""
+    def run_slices(self, has_events: bool = True) -> dict:
+        """Settings of all stages, for workflow.run_mine.run_stages; has_events: up to the events, else the steps."""
         steps = [
-            {"name": name, "scene": self.step_slice(name), "events": [self.event_slice(name)]}
+            {"name": name, "scene": self.step_slice(name), "events": [self.event_slice(name)] if has_events else []}
             for name in self.mined_steps
         ]
         return {"grid": self.grid_slice(), "elastic": self.scene_slice(0), "steps": steps}

@@ -29,7 +29,7 @@ FAILED = 363_000  # particles in cells of 0.3125 m and a stope of size 1: to kno
 
 def run(levels: int, size: float, folder: Path) -> dict[str, float]:
     """One step: cell m, failed particles, cells at its end, processor time s."""
-    from verification.computed_stages import computed_stages  # once the folder of kernels is named
+    from workflow.run_mine import run_stages  # once the folder of kernels is named
 
     default = yaml.safe_load((ROOT / "config" / "default.yaml").read_text())
     values = yaml.safe_load((ROOT / "config" / "verification" / "refinement.yaml").read_text())["scene"]
@@ -38,7 +38,7 @@ def run(levels: int, size: float, folder: Path) -> dict[str, float]:
     stope |= {"lower": [f"{x} m" for x in middle - half], "upper": [f"{x} m" for x in middle + half]}
     changes = {"name": "failing", "grid": {"coarse_cell": "10 m", "levels": levels, "buffer_cells": 1}}
     mine = load(merge(merge(default, values), changes), folder / "failing.yaml", default)
-    stages = computed_stages(mine, folder / "failed.npz")
+    stages = run_stages(mine.run_slices(has_events=False), folder / "failed.npz")
     next(stages), next(stages)  # grid and elastic stage
     before = time.process_time()
     _, _, facts = next(stages)

@@ -5,12 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from calibration.trials import CellCorrection, Discrepancy
-from calibration.posterior import sobol_points
 from calibration.fit import Rows, calibrate
+from calibration.posterior import sobol_points
 from calibration.settings import CalibrationSettings, strength_under
 from calibration.stages import Calibration
-from calibration.trials import Outputs, Recorded
+from calibration.trials import CellCorrection, Discrepancy, Outputs, Recorded
 from verification.calibration_truth import claims
 from verification.calibration_truth.settings import SAME_LAW, case_slice, records, truths
 from verification.calibration_truth.study import draw, intervals

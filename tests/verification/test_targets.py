@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+from common.sources import source_hash
 from snakemake.iocontainers import Wildcards
 
-from common.sources import source_hash
 from verification.studies import MEASURING
 from verification.targets import Cases, Studies
 

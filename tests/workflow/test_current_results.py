@@ -35,7 +35,7 @@ STAGES = {  # first result of a stage, and a change of what the stage depends on
     "catalog.csv": COARSER,
     "record.nc": NEARER,
     "comparison.nc": NEARER,
-    "report.new.html": NEARER,
+    ".report.html": NEARER,
 }
 CASES = [
     ("grid.nc", "killed"),
@@ -47,8 +47,8 @@ CASES = [
     ("catalog.csv", "killed"),
     ("record.nc", "an error"),
     ("comparison.nc", "killed"),
-    ("report.new.html", "terminated"),
-    ("report.new.html", "Snakemake terminated"),
+    (".report.html", "terminated"),
+    (".report.html", "Snakemake terminated"),
 ]
 if "WHOLE_KILL_CROSS" in os.environ:  # each stage with each ending takes some minutes
     CASES = [(result, how) for result in STAGES for how in ENDINGS]

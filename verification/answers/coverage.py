@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from catalogs import completeness
 from catalogs.compare.blocks import cluster_labels
-from catalogs.settings import ComparisonSettings
 from catalogs.compare.exposure import DAY, Exposure
-from catalogs.figures import style
 from catalogs.compare.locations import compare_locations
-from catalogs.sources.mechanisms import AxesSample, compare_axes
 from catalogs.compare.size_measures import fit
 from catalogs.compare.sum_measures import sum_measures
+from catalogs.figures import style
+from catalogs.settings import ComparisonSettings
+from catalogs.sources import completeness
+from catalogs.sources.mechanisms import AxesSample, compare_axes
 from verification.answers.statistics.samples import LN10, branching_events, burst_events, dated, simulated_sizes
 from verification.page_tables import Pivot
 from verification.plots import plot_errors

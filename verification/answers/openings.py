@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from catalogs.figures import style
 from catalogs.compare.grid_convergence import share_off
+from catalogs.figures import style
 from common.voigt import tensor_from_voigt
 from mpm_core.stages.grid_stage import MIN_WHOLE_CELL_SHARE_ACCEPTED
 from verification.cavities.inclusion import Elastic, SphericalInclusion

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from common.sources import source_hash
 
 from mpm_core.kernels.threads import use_threads
 from verification.benchmarks.peers.stope import announce, closure, peak_memory
 from verification.benchmarks.settings import Case, Settings
-from verification.computed_stages import computed_stages
 from workflow.mine import Mine
+from workflow.run_mine import run_stages
+from workflow.stages import package_hash
 
 WARM_UP = 2  # Cells across the stope of a first run, which compiles and loads the kernels before the clock starts.
 
@@ -37,7 +37,7 @@ def solve(settings: Settings, case: Case, threads: int) -> None:
 def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
     """Run a case: reported facts, the last stage's dataset, and the grid. `begin` is called before the last stage."""
     with tempfile.TemporaryDirectory() as folder:
-        stages = computed_stages(mine, Path(folder) / "failed.npz")
+        stages = run_stages(mine.run_slices(has_events=False), Path(folder) / "failed.npz")
         start = time.perf_counter()
         _, grid, _ = next(stages)
         grid_seconds = time.perf_counter() - start
@@ -59,7 +59,7 @@ def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
             "closure": closure_of(mine, state),
             "cells_at_end": int(state.attrs["cells"]),
             "failed_volume": float(state.attrs["failed_volume"]),
-            "version": f"this code (sources {source_hash('mpm_core step')}, numba {version('numba')})",
+            "version": f"this code (sources {package_hash('mpm_core')}, numba {version('numba')})",
         },
         state,
         grid,

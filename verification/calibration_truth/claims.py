@@ -8,16 +8,25 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.trials import CellCorrection
-from calibration.trials import extractions
-from calibration.fit import SHARES, Fit, expected
+from calibration.fit import SHARES, Fit, SelfTest, expected
 from calibration.likelihood import MAX_IMPLAUSIBILITY
 from calibration.posterior import Posterior, find_posterior
-from calibration.fit import SelfTest
 from calibration.settings import CalibratedQuantity
 from calibration.stages import Calibration
 from calibration.tradeoffs import CONFINEMENTS, PRIOR_POINTS, best_known_strengths, strengths
-from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, Outputs, Places, counted_events, gains, outputs
+from calibration.trials import (
+    NUMBER,
+    PLACES,
+    POTENCY,
+    SIZES,
+    CellCorrection,
+    Outputs,
+    Places,
+    counted_events,
+    extractions,
+    gains,
+    outputs,
+)
 
 COVERAGE = (0.80, 0.97)  # Of 90 % intervals.
 MAX_WIDTH = 0.7  # Over that of the prior, in the coordinate that the record tells best.

@@ -36,7 +36,7 @@ def records() -> list[str]:
 
 
 def case_slice(trials: CalibrationTrials, case: str) -> dict:
-    """What the run of a record depends on, for calibration.trial.run_trial: the cells of trials, another chance."""
+    """What the run of a record depends on, for workflow.run_mine.run_stages: the cells of trials, another chance."""
     text = {key: value for key, value in trials.mine.text.items() if key != "calibration"}
     if case != SAME_LAW:
         text = {**text, "materials": {**text["materials"], "host": other_hosts()[case]}}
@@ -46,10 +46,7 @@ def case_slice(trials: CalibrationTrials, case: str) -> dict:
         sys.exit(f"{FILE.relative_to(ROOT)}: {case}: {error}")
     mine = mine.coarser() if trials.settings.cells == DOUBLED else mine
     run = mine.member(MEMBER)
-    steps = [
-        {"name": name, "scene": run.step_slice(name), "events": [run.event_slice(name)]} for name in run.mined_steps
-    ]
-    return {"grid": mine.grid_slice(), "elastic": mine.slice_of("elastic"), "steps": steps}
+    return run.run_slices() | {"grid": mine.grid_slice(), "elastic": mine.scene_slice(0)}
 
 
 def truths(trials: CalibrationTrials) -> dict[str, list[float]]:

@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from calibration.figures import axis_label, label_log_axis
-from calibration.fit import SHARES
-from calibration.fit import SelfTest
+from calibration.fit import SHARES, SelfTest
 from calibration.settings import CalibratedQuantity
 from calibration.stages import read_calibration
 from catalogs.figures import style
 from common.event_table import read_events
-from common.slices import read_slice
+from common.job import read_job
 from verification.calibration_truth import claims
 from verification.calibration_truth.claims import COLUMNS, Claim
 from verification.calibration_truth.settings import SAME_LAW, TERMS
@@ -32,7 +31,7 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
     `record`, and the `records` that were made.
     """
     (settings,), (record,), trials = inputs["settings"], inputs["record"], inputs["trials"]
-    given = read_slice(settings)
+    given = read_job(settings).settings
     varied = given | {"calibration": given["calibration"] | {"terms": TERMS[name]}}
     designed = np.array([number for number, trial in enumerate(given["trials"]) if trial["kind"] == "design"])
     found = read_calibration(varied, trials, inputs["finer"], record)

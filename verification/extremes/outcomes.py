@@ -14,9 +14,9 @@ import yaml
 from common.errors import InputError
 from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.grid.adjacency import holding_cells
-from verification.computed_stages import computed_stages
 from verification.studies import default_settings, merge
 from workflow.configuration import load
+from workflow.run_mine import run_stages
 
 RESTS, REFUSED, ENDED, BROKEN, HANGS, WRONG = "at rest", "refused", "ended", "traceback", "hangs", "wrong"
 FAULTS = (BROKEN, HANGS, WRONG)
@@ -63,8 +63,8 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
     try:
         with _limit(seconds):
             mine = load(merge(default_settings(), values), folder / "mine.yaml", default_settings())
-            for name, dataset, _ in computed_stages(mine, failed):
-                stored[name] = dataset
+            for name, dataset, _ in run_stages(mine.run_slices(has_events=False), failed):
+                stored[name.removeprefix("steps/")] = dataset
         wrong = [fault for name in list(stored)[1:] for fault in faults(values, stored["grid"], stored[name])]
         kind, message = (WRONG, wrong[0]) if wrong else (RESTS, "")
     except InputError as error:

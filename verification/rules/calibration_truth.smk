@@ -8,8 +8,8 @@ TRUTH = "results/calibration_truth"
 rule truth_record:
     """The catalogue of a record with known values, on the cells of the trials."""
     input:
-        grid=ancient(FILES.own("grid.nc")),
-        solids=MINE.solids(),
+        INPUTS.of("trial", "truth_{record}", settings=lambda wildcards: case_slice(TRIALS, wildcards.record)),
+        cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
     output:
         f"{TRUTH}/records/{{record}}.nc",
     log:
@@ -20,25 +20,24 @@ rule truth_record:
         "../../workflow/envs/environment.yaml"
     threads: 1
     resources:
-        mem_mb=OPTIONS.trial_memory,
+        mem_mb=RESOURCES.trial_memory,
         runtime=24 * 60,
-    params:
-        code=source_hash("calibration trial"),
-        settings=STAGES.named_slice(
-            MINE.name,
-            lambda wildcards: f"calibration/truth_{wildcards.record}",
-            lambda wildcards: case_slice(TRIALS, wildcards.record),
-        ),
     shell:
-        "NUMBA_NUM_THREADS={threads} stage calibration trial --settings {params.settings:q} --output {output} --log {log}"
+        RUN
 
 
 rule truth_case:
     """Claims of calibrations by some of the terms."""
     input:
-        trials=lambda wildcards: TRIALS.all_trial_files(checkpoints),
-        finer=lambda wildcards: TRIALS.finer_files(),
-        record=FILES.own("record.nc"),
+        # a job of the calibration that knows the truth, too
+        INPUTS.of(
+            "calibrate",
+            "truth",
+            settings=lambda wildcards: TRIALS.fit_slice() | truths(TRIALS),
+            trials=lambda wildcards: TRIALS.all_trial_files(checkpoints),
+            finer=lambda wildcards: TRIALS.finer_files(),
+            record=FILES.own("record.nc"),
+        ),
         records=[f"{TRUTH}/records/{record}.nc" for record in records()],
     output:
         f"{TRUTH}/cases/{{case}}.json",
@@ -51,13 +50,8 @@ rule truth_case:
         mem_mb=2000,
         runtime=60,
     params:
-        code=source_hash("verification case", "verification.calibration_truth.study"),
-        settings=STAGES.named_slice(
-            MINE.name,
-            lambda wildcards: "calibration/truth",
-            lambda wildcards: TRIALS.fit_slice() | truths(TRIALS),
-        ),
+        code=package_hash("verification"),
     shell:
-        "stage verification case calibration_truth {wildcards.case} --input settings {params.settings:q}"
+        "stage verification case calibration_truth {wildcards.case} --input settings {input.job}"
         " --input trials {input.trials} --input finer {input.finer} --input record {input.record}"
         " --input records {input.records} --output {output} --log {log}"

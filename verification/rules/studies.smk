@@ -49,7 +49,7 @@ rule summary:
         mem_mb=1000,
         runtime=10,
     params:
-        code=source_hash("verification table"),
+        code=package_hash("verification"),
     shell:
         "stage verification table verification --cases {input} --output {output.table} --log {log}"
 
@@ -71,7 +71,7 @@ rule case:
         mem_mb=lambda wildcards: MEMORY[wildcards.target],
         runtime=60,
     params:
-        code=CASES.case_sources,
+        code=package_hash(*MEASURED),
         settings=CASES.settings,
         options=CASES.options,
     shell:
@@ -95,7 +95,7 @@ rule table:
         mem_mb=2000,
         runtime=30,
     params:
-        code=CASES.table_sources,
+        code=package_hash("verification"),
         settings=CASES.settings,
     shell:
         "stage verification table {wildcards.target} --cases {input} --output {output.table} --log {log}"

@@ -53,13 +53,17 @@ FILES = ResultFiles(FOLDERS)
 INPUTS = RuleInputs(FOLDERS)
 RESOURCES = RuleResources(FILES, workflow.resource_settings.cores)  # None on a cluster
 
-# A stage is a child of this process, not of a shell between them, and ends with it (common.stage).
-RUN = f"exec {shlex.quote(sys.executable)} -m workflow {{input.job:q}} --output {{output:q}} --log {{log:q}} --threads"
+# `stage` runs a module of ours. It is a child of this process, not of a shell between them, and ends with it
+# (common.stage). What is in BEFORE begins its command line.
+shell.prefix(
+    f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(PACKAGES))}; "
+    f'stage() {{{{ exec ${{{{BEFORE:-}}}} {shlex.quote(sys.executable)} -m "$@"; }}}}; '
+)
+RUN = "stage workflow {input.job:q} --output {output:q} --log {log:q} --threads"
 # Stages that solve equilibrium have numba's threads, others run their kernels on one.
 SOLVE, RUN = f"{RUN} {{params.threads}}", f"NUMBA_NUM_THREADS=1 {RUN} {{threads}}"
 # A stage beside others gets what these leave of the cores.
 IN_IDLE_TIME = "chrt --idle 0" if shutil.which("chrt") else "nice -n 19"
-shell.prefix(f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(PACKAGES))}; ")
 
 
 # On a cluster (profiles/slurm) these run where Snakemake runs: they take seconds, less than a wait in the queue.

@@ -45,7 +45,7 @@ rule report:
             **FILES.comparisons(),
         ),
     output:
-        page=temp(FILES.own("report.new.html")),
+        page=FILES.own(".report.html"),
         figures=directory(FILES.own("figures")),
     log:
         f"{OWN_LOGS}/report.log",
@@ -60,9 +60,9 @@ rule report:
 
 
 rule report_page:
-    """The report in its place. The earlier one stays until this one is whole."""
+    """The report in its place, a copy. The earlier one stays until this one is whole: Snakemake removes what a job makes before it starts."""
     input:
-        FILES.own("report.new.html"),
+        FILES.own(".report.html"),
     output:
         report(
             FILES.own("report.html"), caption="../report/report.rst", category=MINE.name, labels={"result": "report"}

@@ -84,4 +84,4 @@ rule companion:
     params:
         threads=1,
     shell:
-        SOLVE.replace("exec", f"exec {IN_IDLE_TIME}")
+        f"BEFORE='{IN_IDLE_TIME}' {SOLVE}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs import sizes
+from catalogs.sources import sizes
 from verification.answers.statistics.samples import simulated_sizes
 from verification.rows import Row
 
