@@ -45,6 +45,6 @@ def failed_in_step(state: xr.Dataset) -> NDArray:
     return state.failed.values == state.attrs["step_index"]
 
 
-def mean_square_root(error: ArrayLike, weights: ArrayLike | None = None) -> NDArray:
+def mean_square_root(error: ArrayLike, weights: NDArray | None = None) -> NDArray:
     """Root mean square along the last axis, weighted if weights are given."""
     return np.sqrt(np.average(np.square(error), axis=-1, weights=weights))

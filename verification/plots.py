@@ -21,6 +21,8 @@ from catalogs.figures import style
 COLOURS = (style.MODELLED, style.RECORDED, style.BOTH, "#cc79a7", "#e69f00", "#555555")  # Okabe and Ito (2008)
 GRID = {"color": "#e2e2e2", "linewidth": 0.6}
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+BAR = "|"  # The mark of means and bounds among the points of a name.
+NOTE_OFFSETS = ((5, 3, "left"), (5, -9, "left"), (-5, 3, "right"), (-5, -9, "right"))  # By series, points.
 FEW_POINTS = 300  # A series of more points is drawn with small marks, as pixels.
 SECTION_PIXELS = 240  # Along each side.
 
@@ -52,7 +54,9 @@ def plot_series(
         axes.plot(x, y, mark, color=colour, markersize=2 if many else 4.5, linewidth=1.0, rasterized=many, label=name)
         for text, *place in zip(notes[name], np.ravel(x), np.ravel(y), strict=True) if notes else ():
             if np.isfinite(place).all():
-                axes.annotate(text, place, (5, 3), textcoords="offset points", color=colour, fontsize=7)
+                *offset, side = NOTE_OFFSETS[number % len(NOTE_OFFSETS)]
+                look = {"textcoords": "offset points", "ha": side, "color": colour, "fontsize": 7}
+                axes.annotate(text, place, offset, **look)
         if exact and name in exact:
             halo = [withStroke(linewidth=2.6, foreground="white")]
             axes.plot(*exact[name], color=colour, linewidth=1.1, path_effects=halo)
@@ -98,7 +102,7 @@ def plain_decades(axes: Axes) -> None:
 def plot_errors(
     axes: Axes,
     names: Sequence[str],
-    series: Mapping[str, Sequence],
+    series: Mapping[str, Sequence | np.ndarray],
     bars: ArrayLike | None = None,
     *,
     truth: float | None = None,
@@ -110,19 +114,21 @@ def plot_errors(
     """Draw values by name, names down the vertical axis.
 
     series: by case, for each name a value or several. bars: half lengths (name,) or (2, name) of the bars of one
-    series. truth: a line at the value that all should have. band: values that are allowed, shaded.
+    series. truth: a line at the value that all should have. band: values that are allowed, shaded. marks: of each
+    series; with a BAR among them all lie on one line.
     """
     rows = np.arange(len(names))
     if band:
         axes.axvspan(*band, color=style.BOTH, alpha=0.15, linewidth=0)
     if truth is not None:
         axes.axvline(truth, color=style.OUTLINE, linewidth=0.8)
-    shifts = np.linspace(-0.15, 0.15, len(series)) if len(series) > 1 else np.zeros(1)
+    shifts = np.linspace(-0.15, 0.15, len(series)) if len(series) > 1 and BAR not in marks else np.zeros(len(series))
     for number, ((name, values), shift) in enumerate(zip(series.items(), shifts, strict=True)):
         count = [np.size(value) for value in values]
         x = np.concatenate([np.empty(0), *(np.ravel(value) for value in values)])
         y = np.repeat(rows + shift, count)
-        look = {"color": COLOURS[number], "markersize": 4.5, "alpha": 0.7, "label": name}
+        size = {"markersize": 14, "markeredgewidth": 2} if marks[number] == BAR else {"markersize": 4.5, "alpha": 0.7}
+        look = {"color": COLOURS[number], "label": name} | size
         axes.errorbar(x, y, xerr=bars, fmt=marks[number], **look)
     axes.set_yticks(rows, names)
     axes.set_ylim(len(names) - 0.5, -0.5)

@@ -141,7 +141,10 @@ def draw(rocks: dict[str, Rock], shares: dict[str, tuple[float, float]]) -> Figu
     moved, expected = (100 * np.array(column) for column in zip(*shares.values(), strict=True))
     names = [name.replace("_", " ") for name in shares]
     series = {"moved, largest of any component": moved, "expected by the rule": expected}
-    labels = {"title": "What the boundary moves of wall stress", "xlabel": "share of the largest (%; line: bound)"}
+    labels: dict = {
+        "title": "What the boundary moves of wall stress",
+        "xlabel": "share of the largest (%; line: bound)",
+    }
     plot_errors(left, names, series, truth=DRAWN_BOUND, legend="upper center", **labels)
     left.set(xlim=(0.0, 1.3 * DRAWN_BOUND), ylim=(len(names) - 0.5, -0.4 * len(names)))  # The legend stands above.
     drawn: dict[str, xr.Dataset] = {}

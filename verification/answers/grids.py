@@ -241,7 +241,7 @@ def draw(runs: list[Run]) -> Figure:
         members = {
             name: [run for run in runs if (run.scene, run.grid) == (scene, grid)] for grid, name in GRIDS.items()
         }
-        look = {
+        look: dict = {
             "notes": {name: [f"{run.cell:g} m" for run in some] for name, some in members.items()},
             "marks": ("s-", "D-", "o-", "^-"),
             "legend": None,

@@ -101,7 +101,10 @@ def draw(results: Results, specimens: dict[str, Specimen]) -> Figure:
         found[label] = [one.angle for one in chosen], [one.found * MPA for one in chosen]
     figure = style.new_figure(height=4.0)
     axes = figure.subplots()
-    labels = {"xlabel": "angle from the axis to the planes' normal (degrees)", "ylabel": "axial less lateral (MPa)"}
+    labels: dict = {
+        "xlabel": "angle from the axis to the planes' normal (degrees)",
+        "ylabel": "axial less lateral (MPa)",
+    }
     plot_series(axes, found, {"Jaeger (1960)": (angles, curve)}, **labels)
     axes.set_ylim(bottom=0.0)
     return figure

@@ -76,7 +76,7 @@ def draw(brittle: Variant, closures: list[tuple[float, float]], pairs: Pairs, in
     elastic, runs = figure.subplots(1, 2)
     closure, difference = np.array(closures).T
     found = {"moving beside resting particles": (closure / float(brittle.grid.attrs["fine_cell"]), difference)}
-    labels = {"xlabel": "closure of the wall (cells)", "ylabel": "difference of the closure (share)"}
+    labels: dict = {"xlabel": "closure of the wall (cells)", "ylabel": "difference of the closure (share)"}
     plot_convergence(elastic, found, 1.0, "first order", ticks=False, marks="o", title="elastic", **labels)
     potency = {f"{name.split('_')[0]} particles": [run.potency for run in some] for name, some in pairs.runs.items()}
     series = {name: (increments, values) for name, values in potency.items()}

@@ -152,7 +152,7 @@ def draw(settings: dict, errors: dict[tuple[str, str, str], float]) -> Figure:
     names = [scene.replace("_", " ") for scene in scenes]
     for panel, (name, title) in zip(figure.subplots(1, len(TITLES), sharey=True), TITLES.items(), strict=True):
         series = {size: [100 * errors[scene, size, name] for scene in scenes] for size in settings["sizes"][:-1]}
-        labels = {"title": title, "xlabel": "error against the finest cells (%)"}
+        labels: dict = {"title": title, "xlabel": "error against the finest cells (%)"}
         plot_errors(panel, names, series, truth=0.0, legend=None, **labels)
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=len(series))
     return figure

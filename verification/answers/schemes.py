@@ -330,7 +330,7 @@ def brittle_rows(scene: str, pairs: Pairs, allowed: dict[str, float]) -> list[Ro
 def draw(elastic: dict[str, dict[str, Variant]], brittle: dict[str, Pairs]) -> Figure:
     """Convergence of each elastic scene in one row, then one row for each brittle scene."""
     figure = style.new_figure(height=2.7 * (bool(elastic) + len(brittle)))
-    rows = np.atleast_1d(figure.subfigures(bool(elastic) + len(brittle), 1))
+    rows = figure.subfigures(bool(elastic) + len(brittle), 1, squeeze=False)[:, 0]
     if elastic:
         panels = rows[0].subplots(1, len(elastic), squeeze=False)[0]
         for axes, (scene, schemes) in zip(panels, elastic.items(), strict=True):
@@ -353,7 +353,7 @@ def draw_convergence(axes: Axes, scene: str, schemes: dict[str, Variant]) -> Non
         lines[name] = iteration, state.convergence_unbalanced_ratio.values
         marks.append(mark)
     axes.axhline(solver["tolerance"], color=style.OUTLINE, linewidth=0.6, linestyle=":")
-    names = {"title": f"{scene}, elastic", "xlabel": "iterations", "ylabel": "unbalanced force"}
+    names: dict = {"title": f"{scene}, elastic", "xlabel": "iterations", "ylabel": "unbalanced force"}
     plot_series(axes, lines, marks=marks, legend=None, xscale="log", yscale="log", **names)
 
 

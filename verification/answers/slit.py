@@ -144,6 +144,6 @@ def draw(level: dict[str, Variant]) -> Figure:
             place, closed = closure(variant)
             found[f"{name.split('_')[1]} m cells"] = place, MILLI * closed
         modulus = first.values["materials"]["gob"]["youngs_modulus"]
-        labels = {"title": f"gob of {modulus / 1e6:g} MPa", "xlabel": "x (m)", "ylabel": "closure (mm)"}
+        labels: dict = {"title": f"gob of {modulus / 1e6:g} MPa", "xlabel": "x (m)", "ylabel": "closure (mm)"}
         plot_series(axes, found, {"slit, exact": (x, MILLI * exact.closure(x))}, marks=("o", "s", "^"), **labels)
     return figure

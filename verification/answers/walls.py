@@ -92,7 +92,7 @@ def draw(settings: dict, found: dict[str, float], limits: dict[str, float]) -> F
             treatment: [on_faces, *(found[f"{fill}_{place}_{cells}_{treatment}"] for place in places)]
             for treatment in settings["treatments"]
         }
-        labels = {"title": f"{fill}, {cells} cells across", "xlabel": "seismic potency of the step (m³)"}
+        labels: dict = {"title": f"{fill}, {cells} cells across", "xlabel": "seismic potency of the step (m³)"}
         plot_errors(panel, names, series, truth=limits[fill], legend="lower left", **labels)
         panel.set_xlim(0.0, 1.08 * panel.dataLim.xmax)
     return figure

@@ -67,7 +67,7 @@ def smooth_series(results: Results) -> dict[str, list[Solved]]:
 
 def share_rows(name: str, compared: dict[str, tuple], allowed: float, remark: str) -> list[Row]:
     """Rows of the largest error of found and exact values, over the largest exact value. The first has the remark."""
-    rows = []
+    rows: list[Row] = []
     for what, (found, exact) in compared.items():
         error = float(np.abs(found - exact).max() / np.abs(exact).max())
         quantity = f"{name}: {what}, share of the largest"
@@ -251,7 +251,7 @@ def draw(rows: list[Row], columns: dict[str, tuple], series: dict[str, list[Solv
     figure = style.new_figure(height=4.8)
     left, middle, right = figure.subplots(1, 3)
     kinds = list(dict.fromkeys(row.quantity.split("_")[0] for row in rows))
-    errors = {
+    errors: dict[str, list] = {
         variant: [
             [max(row.error, MIN_DRAWN_ERROR) for row in rows if row.quantity.startswith(f"{kind}_{variant}")]
             for kind in kinds
@@ -259,8 +259,9 @@ def draw(rows: list[Row], columns: dict[str, tuple], series: dict[str, list[Solv
         for variant in ("section", "block")
     }
     errors["allowed"] = [next(row.allowed for row in rows if row.quantity.startswith(kind)) for kind in kinds]
-    what = "error, share of the largest term (0: 1e-18)"
-    plot_errors(left, kinds, errors, marks="os|", xscale="log", xlabel=what, title="Round-off: found, allowed")
+    what = "error, share of the largest term (0: 1e-18)\ncircles: section, squares: block, bars: allowed"
+    plot_errors(left, kinds, errors, marks="os|", legend=None, xscale="log", xlabel=what)
+    left.set_title("Round-off")
     found = {f"nodes, {name.split('_')[1]}": (1e3 * moved, nodes) for name, (_, nodes, moved, *_) in columns.items()}
     exact = {}
     if columns:
@@ -270,7 +271,7 @@ def draw(rows: list[Row], columns: dict[str, tuple], series: dict[str, list[Solv
         middle.axhline(column.joint, color=style.OUTLINE, linewidth=0.6, linestyle=":")
         for name, side in (("fill", "bottom"), ("rock", "top")):
             middle.annotate(name, (0.03, column.joint), xycoords=("axes fraction", "data"), va=side)
-    labels = {"xlabel": "vertical displacement (mm)", "ylabel": "height (m)", "title": "Column under its weight"}
+    labels: dict = {"xlabel": "vertical displacement (mm)", "ylabel": "height (m)", "title": "Column under its weight"}
     plot_series(middle, found, exact, marks=("o", "s"), **labels)
     lines = {}
     for kind, solved in series.items():

@@ -9,6 +9,7 @@ from verification.plots import add_circle, plot_cells, plot_convergence, plot_se
 
 MPA = 1e-6
 TREATMENT_COLOURS = {"mean": style.MODELLED, "subdivide": style.BOTH, "whole": "#cc79a7"}
+RAY_COLOURS = ("#9ecae1", "#fdae6b", style.MODELLED, style.RECORDED)  # Radial and hoop, the regular grid in light ones.
 MAP_RADII = 2.5  # Half the width of the maps in radii.
 RAY_RADII = 5.0  # Length of the ray in radii.
 MAP_ERROR_LIMIT = 3.0  # End of the colours of errors, %.
@@ -50,11 +51,13 @@ def draw_ray(stress, error, grids: dict[str, Rock]) -> None:
     r = np.linspace(hole.radius, RAY_RADII * hole.radius, 400)
     radial, hoop, _ = hole.plate.at(r + 0.0j).polar_stress(np.zeros_like(r))
     lines = {"radial, exact": (r, radial * MPA), "hoop, exact": (r, hoop * MPA)}
-    look = {"marks": ("s", "s", ".", "."), "xlabel": "distance from the centre (m)"}
-    plot_series(stress, found, lines, title="All-round stress along a ray", ylabel="stress (MPa)", **look)
+    look = {"marks": ("s", "s", ".", "."), "colours": RAY_COLOURS, "xlabel": "distance from the centre (m)"}
+    labels = {"title": "All-round stress along a ray", "ylabel": "stress (MPa)", "legend": "lower right"}
+    plot_series(stress, found, lines, **look, **labels)
     error.axhline(0.0, color="black", linewidth=1.0)
     error.axvspan(hole.radius, hole.radius + 2 * hole.cell, color="0.93", zorder=0)
-    plot_series(error, errors, title="Error on the same ray", ylabel="share of the far stress (%)", **look)
+    labels = {"title": "Error on the same ray", "ylabel": "share of the far stress (%)", "legend": None}
+    plot_series(error, errors, **look, **labels)
     error.set_yscale("symlog", linthresh=1.0, linscale=1.2)
     ticks = (-30, -10, -3, -1, -0.5, 0, 0.5, 1, 3, 10)
     error.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -105,7 +108,9 @@ def draw_maps(panel, grids: dict[str, Rock]) -> None:
 
 def draw_angles(panels, rocks: dict[str, Rock], distance: float) -> None:
     """Against the angle: hoop stress of the wall, and of the biaxial case stress at a distance (radii) and closure."""
-    look = {"xlabel": "angle (degrees)", "xticks": range(-180, 181, 90), "marks": "."}
+    look = {"xlabel": "angle (degrees)", "xticks": range(-180, 181, 90), "marks": ".", "legend": "upper center"}
+    for axes in panels:
+        axes.margins(y=0.35)  # Room for the legend.
     fine = np.radians(np.arange(-180.0, 181.0))
     rock, hole = rocks["multilevel"], rocks["multilevel"].hole
     beside, wall = rock.between(0.0, hole.radius + hole.cell), hole.radius * np.exp(1j * fine)
@@ -114,13 +119,10 @@ def draw_angles(panels, rocks: dict[str, Rock], distance: float) -> None:
         "exact": (np.degrees(fine), hole.plate.at(wall).polar_stress(fine)[1] * MPA),
         "extrapolated": (np.degrees(fine), extrapolated(rock, wall)[1] * MPA),
     }
-    panels[0].margins(y=0.2)
     plot_series(panels[0], particles, lines, title="Hoop stress of the wall", ylabel="stress (MPa)", **look)
     if "biaxial" not in rocks:
         return
     rock, hole = rocks["biaxial"], rocks["biaxial"].hole
-    for axes in panels[1:]:
-        axes.margins(y=0.2)
     near = rock.between(distance * hole.radius - 0.5 * hole.cell, distance * hole.radius + 0.5 * hole.cell)
     exact = hole.plate.at(distance * hole.radius * np.exp(1j * fine)).polar_stress(fine)
     names = ("radial", "hoop", "shear")
@@ -134,12 +136,12 @@ def draw_angles(panels, rocks: dict[str, Rock], distance: float) -> None:
     )
     angle = np.radians(np.arange(-180.0, 181.0, 5.0))
     moved = rock.wall_displacement(angle) * np.exp(-1j * angle)
-    exact = hole.plate.at(hole.radius * np.exp(1j * fine)).polar_displacement(fine)
-    names = ("radial, outward", "hoop")
+    exact_moved = hole.plate.at(hole.radius * np.exp(1j * fine)).polar_displacement(fine)
+    parts = ("radial, outward", "hoop")
     plot_series(
         panels[2],
-        {name: (np.degrees(angle), 1e3 * part) for name, part in zip(names, (moved.real, moved.imag), strict=True)},
-        {name: (np.degrees(fine), 1e3 * part) for name, part in zip(names, exact, strict=True)},
+        {name: (np.degrees(angle), 1e3 * part) for name, part in zip(parts, (moved.real, moved.imag), strict=True)},
+        {name: (np.degrees(fine), 1e3 * part) for name, part in zip(parts, exact_moved, strict=True)},
         title="Biaxial: displacement of the wall",
         ylabel="displacement (mm)",
         **look,

@@ -146,12 +146,12 @@ def flow_rows(name: str, path: Path, allowed: dict[str, float]) -> list[Row]:
             Row.relative(f"{name}: axial {flow}", exact.axial, found.axial, allowed["value"]),
             vanishing(f"{name}: lateral {flow}, share of axial", lateral, allowed["value"]),
         ]
-    ratios = [one.volumetric / one.axial for one in (exact, found)]
-    angles = [dilation_angle(one) for one in (exact, found)]
+    expected, obtained = (one.volumetric / one.axial for one in (exact, found))
+    angle, found_angle = (dilation_angle(one) for one in (exact, found))
     quantity = f"{name}: dilation angle in residual flow, degrees"
     return [
-        Row.relative(f"{name}: volumetric over axial {flow}", *ratios, allowed["value"]),
-        Row(quantity, *angles, abs(angles[1] - angles[0]), allowed["angle"]),
+        Row.relative(f"{name}: volumetric over axial {flow}", expected, obtained, allowed["value"]),
+        Row(quantity, angle, found_angle, abs(found_angle - angle), allowed["angle"]),
     ]
 
 

@@ -51,7 +51,7 @@ def draw(
 ) -> Figure:
     """b and its intervals, Kagan angles, locations. estimates: one for each case. alarms: shares by situation."""
     figure = style.new_figure(height=9.0)
-    top, bottom = figure.subfigures(2, 1, height_ratios=[1.25, 1.0])
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.25, 1.0])[:, 0]
     draw_sizes(top.subplots(1, 3, sharey=True), estimates, settings["sizes"]["confidence"], allowed)
     kagan, false, found = bottom.subplots(1, 3)
     draw_kagan(kagan, pairs)
@@ -85,10 +85,8 @@ def draw_sizes(panels, estimates: list[Estimates], confidence: float, allowed: d
     panels[0].set_title("b of simulated catalogues")
     count = len(estimates[0].value)
     bias = [one.bias / one.value.std() for one in estimates]
-    limits, what = (
-        (-allowed["bias"], allowed["bias"]),
-        "bias / standard error\n(shaded: allowed;\nbars: 3 Monte Carlo errors)",
-    )
+    limits = -allowed["bias"], allowed["bias"]
+    what = "bias / standard error\n(shaded: allowed;\nbars: 3 Monte Carlo errors)"
     plot_errors(panels[1], names, {"": bias}, 3.0 / np.sqrt(count), truth=0.0, band=limits, title="Bias", xlabel=what)
     error = 300.0 * np.sqrt(confidence * (1.0 - confidence) / count)
     limits = 100 * (confidence - allowed["coverage"]), 100 * (confidence + allowed["coverage"])
