@@ -58,7 +58,7 @@ def plot_series(
                 look = {"textcoords": "offset points", "ha": side, "color": colour, "fontsize": 7}
                 axes.annotate(text, place, offset, **look)
         if exact and name in exact:
-            halo = [withStroke(linewidth=2.6, foreground="white")]
+            halo = [withStroke(linewidth=1.9, foreground="white")]
             axes.plot(*exact[name], color=colour, linewidth=1.1, path_effects=halo)
     dark = [name for name in exact or {} if name not in series]
     for name, look in zip(dark, ("-", "--", "-.", ":"), strict=False):

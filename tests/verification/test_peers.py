@@ -9,6 +9,7 @@ from running import DEFAULT, STUDIES, run_study
 
 from verification.answers.kirsch.fields import Rock
 from verification.answers.peers import answer, return_rows, wall_rows
+from verification.answers.peers.figure import draw
 from verification.answers.peers.kratos import AS_STATED, cutoff_multipliers, ours
 from verification.answers.peers.printed import particle_rows, roof_rows, row_of_slits
 from verification.answers.peers.slope import Slope, limits, slope_rows, worst_spiral
@@ -82,6 +83,7 @@ def test_the_roof_sags_by_more_than_is_printed_and_the_surface_by_that(tmp_path)
     assert surface.passed
     assert row_of_slits(results["roof"]) == pytest.approx(0.3679, abs=1e-4)
     assert row_of_slits(results["roof"]) < roof.obtained < 0.42
+    assert [axes.get_title() for axes in draw(results, []).axes] == ["MOOSE's panel"]
 
 
 @pytest.mark.parametrize(("friction", "number"), [(10, 0.108), (15, 0.083), (20, 0.062), (25, 0.044)])
@@ -117,3 +119,4 @@ def test_a_slope_stands_below_its_limit_and_not_well_above(tmp_path):
     theirs, largest, *_ = slope_rows(results)
     assert largest.passed
     assert theirs.expected == pytest.approx(1.1568, abs=1e-4)
+    assert len(draw(results, []).axes) == 3  # a colour bar among them

@@ -1,9 +1,11 @@
-"""The two schemes beside each other: reduced scenes, and the statistics that compare them."""
+"""The two schemes beside each other, and moving beside resting particles: reduced scenes, and statistics of runs."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import xarray as xr
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +14,7 @@ from scipy.stats import ttest_ind, ttest_rel
 
 from common.errors import InputError
 from seismic.events import extract_events
-from verification.answers import schemes
+from verification.answers import moving, schemes
 from verification.answers.schemes import LABELS, Pairs, Run, draw
 from verification.results import Variant
 from verification.rows import Row
@@ -173,3 +175,32 @@ def test_a_mistake_in_a_borrowed_scene_is_one_line(tmp_path, changes, message):
     with pytest.raises(InputError, match=message) as error:
         from_demo(tmp_path, **changes)
     assert "\n" not in str(error.value)
+
+
+ELASTIC = ["resting_stiff", "moving_stiff", "resting_medium", "moving_medium", "resting_soft", "moving_soft"]
+
+
+def test_difference_vanishes_with_the_displacement(tmp_path):
+    """The elastic rows of the study, at its own size and bounds."""
+    rows, closures = moving.elastic_rows(run_study("moving", tmp_path, ELASTIC))
+    assert len(rows) == 4
+    assert all(row.passed is not False for row in rows), rows
+    closure, difference = np.array(closures).T
+    np.testing.assert_allclose(closure / closure[0], [1.0, 10.0, 100.0], rtol=1e-6)
+    assert (difference > 0.0).all(), "moving particles must change something"
+
+
+def test_brittle_runs_that_differ_in_the_mean_are_told_apart():
+    """Runs whose mean is one standard deviation apart are within two standard errors of four runs, five are not."""
+
+    def run(potency):
+        return Run(potency, 1.0, np.zeros(1, bool), np.zeros(0), 1.0, 1, 0)
+
+    values = np.array([9.0, 11.0, 9.0, 11.0])
+    for shift, passed in ((1.0, True), (5.0, False)):
+        pairs = Pairs({"resting": [run(v) for v in values], "moving": [run(v + shift) for v in values]})
+        potency = moving.brittle_rows("made up", pairs, 2.0)[0]
+        assert potency.passed is passed
+    brittle = SimpleNamespace(grid=xr.Dataset(attrs={"fine_cell": 1.0}))
+    figure = moving.draw(brittle, [(1e-4, 1e-5), (1e-3, 1e-4), (1e-2, 1e-3)], pairs, [1, 2, 3, 4])
+    assert [axes.get_title() for axes in figure.axes] == ["elastic", "brittle"]

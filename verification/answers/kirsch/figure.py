@@ -54,6 +54,7 @@ def draw_ray(stress, error, grids: dict[str, Rock]) -> None:
     look = {"marks": ("s", "s", ".", "."), "colours": RAY_COLOURS, "xlabel": "distance from the centre (m)"}
     labels = {"title": "All-round stress along a ray", "ylabel": "stress (MPa)", "legend": "lower right"}
     plot_series(stress, found, lines, **look, **labels)
+    stress.set_ylim(bottom=1.4 * hoop.min() * MPA)  # Room for the legend.
     error.axhline(0.0, color="black", linewidth=1.0)
     error.axvspan(hole.radius, hole.radius + 2 * hole.cell, color="0.93", zorder=0)
     labels = {"title": "Error on the same ray", "ylabel": "share of the far stress (%)", "legend": None}
