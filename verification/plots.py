@@ -61,8 +61,8 @@ def plot_series(
             halo = [withStroke(linewidth=1.9, foreground="white")]
             axes.plot(*exact[name], color=colour, linewidth=1.1, path_effects=halo)
     dark = [name for name in exact or {} if name not in series]
-    for name, look in zip(dark, ("-", "--", "-.", ":"), strict=False):
-        axes.plot(*(exact or {})[name], look, color="black", linewidth=1.0, label=name)
+    for name, line in zip(dark, ("-", "--", "-.", ":"), strict=False):
+        axes.plot(*(exact or {})[name], line, color="black", linewidth=1.0, label=name)
     axes.set(**labels)
     if legend and len(axes.get_legend_handles_labels()[0]) > 1:
         axes.legend(loc=legend)

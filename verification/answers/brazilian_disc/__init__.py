@@ -122,13 +122,12 @@ def events_mean(crack: Crack, variable: str) -> float:
 def event_rows(crack: Crack, settings: dict) -> list[Row]:
     """Number, kind and sizes of the events, reported without theory."""
     name, events = crack.disc.name, crack.events()
-    nothing = float("nan")
 
-    def told(quantity: str, value: float, error: float = nothing, remark: str = "") -> Row:
-        return Row(f"{name}: {quantity}", nothing, value, error, remark=remark)
+    def told(quantity: str, value: float, remark: str = "", error: float = np.nan) -> Row:
+        return reported(f"{name}: {quantity}", value, remark, error)
 
     resolved = events.resolved.values.astype(bool)
-    rows = [told("events", float(len(resolved)), remark=f"{resolved.sum()} of them resolved")]
+    rows = [told("events", float(len(resolved)), f"{resolved.sum()} of them resolved")]
     shares, potency = events.dc.values, events.potency.values
     kinds: dict[str, np.ndarray] = {
         "tensile": shares < settings["tensile"],
@@ -137,15 +136,14 @@ def event_rows(crack: Crack, settings: dict) -> list[Row]:
     }
     for kind, chosen in kinds.items():
         by_potency = float(potency[chosen].sum() / potency.sum())
-        rows.append(
-            told(f"share of {kind} events, by number", float(chosen.mean()), remark=f"{by_potency:.3f} by potency")
-        )
+        remark = f"{by_potency:.3f} by potency"
+        rows.append(told(f"share of {kind} events, by number", float(chosen.mean()), remark))
     sizes = log_potency(potency[resolved])
     floor = float(events.attrs["potency_floor"])
     b = estimate_b(sizes, float(np.log10(floor)))
     remark = f"{b.events} resolved events above log10 P = {np.log10(floor):.2f}; fewer than 10 give no b"
-    rows.append(told("b of log10 potency (error: its standard error)", b.b, b.error, remark))
-    span = float(sizes.max() - sizes.min()) if len(sizes) else nothing
+    rows.append(told("b of log10 potency (error: its standard error)", b.b, remark, b.error))
+    span = float(sizes.max() - sizes.min()) if len(sizes) else np.nan
     rows.append(told("span of log10 potency of resolved events", span))
     largest = float(potency.max() / potency.sum())
     rows.append(told("share of the largest event in all potency", largest))

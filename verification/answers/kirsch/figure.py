@@ -52,7 +52,7 @@ def draw_ray(stress, error, grids: dict[str, Rock]) -> None:
     radial, hoop, _ = hole.plate.at(r + 0.0j).polar_stress(np.zeros_like(r))
     lines = {"radial, exact": (r, radial * MPA), "hoop, exact": (r, hoop * MPA)}
     look = {"marks": ("s", "s", ".", "."), "colours": RAY_COLOURS, "xlabel": "distance from the centre (m)"}
-    labels = {"title": "All-round stress along a ray", "ylabel": "stress (MPa)", "legend": "lower right"}
+    labels: dict = {"title": "All-round stress along a ray", "ylabel": "stress (MPa)", "legend": "lower right"}
     plot_series(stress, found, lines, **look, **labels)
     stress.set_ylim(bottom=1.4 * hoop.min() * MPA)  # Room for the legend.
     error.axhline(0.0, color="black", linewidth=1.0)
