@@ -25,6 +25,7 @@ for all runs alike), cut_text, config_hash, source_hash, versions.
 
 import json
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ from common.errors import InputError
 from common.event_table import NAMES, check_events, read_events
 
 
-def read_members(folders: list[str | os.PathLike], steps: list[str], mine: str) -> list[xr.Dataset]:
+def read_members(folders: Sequence[str | os.PathLike], steps: list[str], mine: str) -> list[xr.Dataset]:
     """One catalogue (form of common.event_table) of each member: events of the dated steps, in order of time.
 
     folders: each with events/<step>.nc. Raises InputError for a missing or unreadable file, or one of another mine.
@@ -82,7 +83,7 @@ SPREAD_BIN_WIDTH = 0.1  # Bins of log10 potency in plots.
 
 
 def gather(
-    runs: list[str | os.PathLike], catalog: xr.Dataset, comparison: xr.Dataset | None, settings: SpreadSettings
+    runs: Sequence[str | os.PathLike], catalog: xr.Dataset, comparison: xr.Dataset | None, settings: SpreadSettings
 ) -> xr.Dataset:
     """The spread of an ensemble; layout as at the head of this module.
 

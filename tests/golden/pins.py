@@ -31,8 +31,9 @@ PINNED = (
 )
 """Ends of the paths of files that are pinned. Other data files are listed as not pinned."""
 DATA = {".nc", ".csv", ".xml", ".html", ".yaml"}
-NOT_RESULTS = {"slices", "jobs", "logs", "figures", "vtk", ".snakemake"}
+NOT_RESULTS = {"jobs", "forecasts", "figures", "vtk"}
 
+DIGESTS = {"made_by"}  # Variables that say what a result was made from, as attributes do.
 HASH_DIGITS = 16
 SUMMARY_DIGITS = 9
 PROVENANCE = re.compile(r"<!--[^>]*-->|<mine:attributes>.*</mine:attributes>|^#[^\n]*\n?", re.MULTILINE)
@@ -75,7 +76,8 @@ def pins_of(results: Path) -> tuple[Pins, list[str]]:
     others = []
     for file in sorted(results.rglob("*")):
         path = file.relative_to(results)
-        if file.suffix not in DATA or NOT_RESULTS & set(path.parts) or not file.is_file():
+        is_hidden = file.name.startswith(".")
+        if is_hidden or file.suffix not in DATA or NOT_RESULTS & set(path.parts) or not file.is_file():
             continue
         if any(path.match(end) for end in PINNED):
             pins[path.as_posix()] = pins_of_file(file)
@@ -88,7 +90,8 @@ def pins_of_file(file: Path) -> dict:
     """Pins of one file's variables, lines or text."""
     if file.suffix == ".nc":
         with xr.open_dataset(file, decode_timedelta=False) as dataset:
-            return {str(name): pin_of(dataset[name]) for name in sorted(dataset.variables, key=str)}
+            names = sorted(set(map(str, dataset.variables)) - DIGESTS)
+            return {name: pin_of(dataset[name]) for name in names}
     if file.suffix == ".html":
         return lines_of_page(file.read_text(encoding="utf-8"))
     text = PROVENANCE.sub("", file.read_text(encoding="utf-8")).strip()

@@ -9,7 +9,7 @@ from calibration.fit import Rows, calibrate
 from calibration.posterior import sobol_points
 from calibration.settings import CalibrationSettings, strength_under
 from calibration.stages import Calibration
-from calibration.trials import CellCorrection, Discrepancy, Outputs, Recorded
+from calibration.trials import CellCorrection, Discrepancy, Outputs, RecordedOutputs
 from verification.calibration_truth import claims
 from verification.calibration_truth.settings import SAME_LAW, case_slice, records, truths
 from verification.calibration_truth.study import draw, intervals
@@ -49,7 +49,7 @@ def calibrated(shift=0.0, correction=None) -> Calibration:
     made = {"potency": simulator(points) + chance[0], "number": simulator(points) + 3.0 + chance[1]}
     rows = Rows(points, Outputs(made), np.arange(40))
     expected = simulator(TRUTH)[0] + shift
-    recorded = Recorded(expected, 0.01 * np.eye(2), np.round(np.exp(expected + 3.0)).astype(int), 1.5)
+    recorded = RecordedOutputs(expected, 0.01 * np.eye(2), np.round(np.exp(expected + 3.0)).astype(int), 1.5)
     correction = correction or CellCorrection.none(rows.outputs)
     fit = calibrate(rows, correction, recorded, ("potency", "number"), 0.1, seed=1)
     return Calibration(SETTINGS, ("one", "two"), [], -2.0, rows, None, fit)

@@ -4,23 +4,19 @@ import json
 from itertools import combinations
 
 import numpy as np
-import pandas as pd
 import pytest
 import xarray as xr
 from running import run_study
 
-from catalogs.settings import ComparisonSettings
 from catalogs.figures import style
+from catalogs.settings import ComparisonSettings
 from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED
 from common.costs import Costs
 from common.errors import InputError
-from verification.answers.spread import answer
-from verification.pages import tables_of
 from verification.spread.figure import draw
-from verification.spread.page import Scene, write_report
 from verification.spread.runs import CELLS, CLOSENESS, LOADING, MEMBERS, Catalogue, catalogue, read_sources
+from verification.spread.study import STUDY, Scene
 from verification.spread.variances import make_table, variances
-from verification.studies import Study
 
 
 def made_up(potency: float, b: float = 1.0, law: str = POWER, seconds: float = 10.0) -> Catalogue:
@@ -93,23 +89,20 @@ def test_b_is_that_of_a_power_law_or_none():
         assert (found.law, np.isnan(found.b)) == (law, True)
 
 
-def test_page_says_what_an_ensemble_costs_and_buys(tmp_path):
+def test_the_table_says_what_an_ensemble_costs_and_buys():
     runs = sources(
         members=[-1.0, 0.0, 1.0], loading=[0.0, 0.0, 3.0], cells=[-0.5, 0.0, 0.5], closeness=[-2.0, 0.0, 2.0]
     )
-    scene = Scene(
-        Study("made_up", "spread", "Made up", "Nothing.", True, 1, True, {}, {}, {}, {}),
-        made_up(1.0, 1, POWER, 8.0),
-        runs,
-    )
-    write_report([scene], tmp_path / "table.csv", tmp_path / "report.html")
-    page = (tmp_path / "report.html").read_text()
-    assert "A member takes 1.25 times the processor time, without compiling, of the mine's own steps" in page
-    assert "It shows 14 % of that of log10 seismic potency" in " ".join(page.split())
-    assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
-    table = pd.read_csv(tmp_path / "table.csv")
+    written = json.loads(json.dumps(Scene(made_up(1.0, 1, POWER, 8.0), runs).written()))
+    table = STUDY.tables({"made_up": written})["table"]
     assert len(table) == 20
-    assert [len(shown.lines(table)) for shown in tables_of("spread")] == [24]  # a title and the head of the table above
+    members = table[table.source == "perturbed members"].set_index("quantity")
+    assert set(members.member_cost) == {1.25}
+    assert members.loc["log10 seismic potency", "share"] == pytest.approx(1 / 7)
+    assert table.member_cost.notna().sum() == len(members)
+    assert list(STUDY.figures({"made_up": written})) == ["made_up"]
+    # A title and the head of each table stand above its lines.
+    assert [len(shown.lines(table)) for shown in STUDY.shown] == [24, 5]
 
 
 def named(labels: list[str], values: list[float], undefined: list[str]) -> list[Catalogue]:
@@ -167,9 +160,11 @@ def test_a_study_runs_to_its_table(tmp_path):
     assert np.isnan(potency[CELLS].total)
     assert potency[CLOSENESS].total == pytest.approx(0.0, abs=1e-20)
     assert scene.sources[CLOSENESS][1].sizes.tolist() == scene.base.sizes.tolist()  # 0.8 is the mine's own
-    rows, figure = answer(results)
-    assert len(rows) == len({row.quantity for row in rows}) == 20
-    assert len(figure.axes) == 6
+    written = {"spread_stope": scene.written()}
+    table = STUDY.tables(written)["table"]
+    assert len(table.drop_duplicates(["quantity", "source"])) == len(table) == 20
+    assert set(table.member_cost.dropna()) == {1.5}
+    assert len(STUDY.figures(written)["spread_stope"].axes) == 6
 
 
 @pytest.mark.parametrize(

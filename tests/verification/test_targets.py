@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from common.sources import source_hash
 from snakemake.iocontainers import Wildcards
 
 from verification.studies import MEASURING
@@ -40,11 +39,8 @@ def test_an_answer_reads_all_stages_of_all_variants(studies):
     variants = studies.read("jaeger").mines
     assert len(files) == len(set(files)) == sum(2 + len(mine.mined_steps) for mine in variants.values())
     assert "results/verification/jaeger/dip_40/steps/press.nc" in files
-    assert any("/events/" in file for file in studies.results_of(["spread_stope"]))
-
-
-def test_an_answer_depends_on_its_module(studies):
-    assert studies.answer_sources(JAEGER) == source_hash("verification answer", "verification.answers.jaeger")
+    assert any(file.endswith("/events") for file in studies.results_of(["spread_stope"]))
+    assert not any(file.endswith("/events") for file in files)
 
 
 def test_a_scene_of_a_measuring_study_has_no_table_of_its_own(studies):
@@ -61,16 +57,12 @@ def test_long_studies_are_run_by_their_own_names_alone(studies):
     assert studies.named("tradeoff_")[0] == "tradeoff_brittle"
 
 
-def test_every_measuring_study_has_cases_and_sources(studies):
+def test_every_measuring_study_has_cases(studies):
     """Random mines of `extremes` are cases of stability: what both targets ask for runs once."""
     cases = Cases(studies)
     files = {target: cases.files(target) for target in MEASURING}
     assert all(len(found) == len(set(found)) > 0 for found in files.values())
     assert set(files["stability"]) & set(files["extremes"])
-    for target in MEASURING:
-        wildcards = Wildcards(fromdict={"target": target})
-        assert cases.case_sources(wildcards)
-        assert cases.table_sources(wildcards)
     scene = Wildcards(fromdict={"target": "catalog_spread", "case": "spread_stope"})
     assert cases.inputs(scene) == [*studies.results_of(["spread_stope"]), studies.file("spread_stope")]
     assert (cases.threads(scene), cases.options(scene)) == (1, "")

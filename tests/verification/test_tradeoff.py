@@ -1,7 +1,7 @@
-"""Speed against accuracy: the front, limits and orders, sentences made from runs, and a tiny study to its page."""
+"""Speed against accuracy: the front, limits and orders, what settings buy, and a tiny study to its table."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -13,18 +13,14 @@ from running import DEFAULT, STUDIES, run_study
 
 from common.costs import Costs
 from common.errors import InputError
-from verification.answers.tradeoff import answer
-from verification.pages import tables_of
 from verification.studies import Study, load_study
-from verification.tradeoff.knobs import CHOSEN, changed, label, settings_of
+from verification.tradeoff.figure import draw
+from verification.tradeoff.knobs import BY_KEY, CHOSEN, changed, label, settings_of
 from verification.tradeoff.measures import richardson
-from verification.tradeoff.page import make_table, write_report
-from verification.tradeoff.points import Point, Points, measure_study, read_points
-from catalogs.sources.events_vtk import write_points
+from verification.tradeoff.points import Point, Points, measure_study
 from verification.tradeoff.runs import Scene, pareto_front
 from verification.tradeoff.scenes import apart
-from verification.tradeoff.sentences import preset_sentence, price, sentence, share, speed
-from verification.__main__ import verdict
+from verification.tradeoff.study import PRICE_COLUMNS, STUDY, make_table, price_rows, truth_rows
 
 FEW = st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])
 
@@ -102,7 +98,12 @@ def line_of(scene: Scene, knob: str):
     return next(line for line in scene.lines if line.knob == knob)
 
 
-def test_a_sentence_says_what_a_knob_buys():
+def rows_on(scene: Scene, knob: str) -> list[dict]:
+    """What each value of a setting buys."""
+    return [row for row in price_rows(scene) if row["setting"] == BY_KEY[knob].title]
+
+
+def test_a_row_says_what_a_value_buys():
     """Twice as fast and 0.4 % off; the error is against the limit of the cells, 1 m3 with order 1."""
     cells = {"c4": (4.0, 1.4), "c2": (2.0, 1.2), "c1": (1.0, 1.1)}
     scene = made_up(
@@ -113,11 +114,15 @@ def test_a_sentence_says_what_a_knob_buys():
     )
     assert scene.truths["potency"].value == pytest.approx(1.0)
     assert scene.truths["potency"].order == pytest.approx(1.0)
-    line = line_of(scene, "tolerance")
-    expected = "From 1e-05 to 1e-03: 2.1 x as fast, seismic potency +0.40 % (error 10 % instead of 10 %)."
-    assert sentence(scene, line) == expected
-    assert verdict(scene, line) == "Buys 2.1 x at 1e-03, for less than 1 % of seismic potency."
-    assert price(scene, line) == "1e-03: 2.1 x, +0.40 %"
+    (row,) = rows_on(scene, "tolerance")
+    assert (row["from"], row["to"], row["beside"]) == ("1e-05", "1e-03", "")
+    assert row["times_as_fast"] == pytest.approx(2.1)
+    assert row["change"] == pytest.approx(0.004)
+    assert (row["error_before"], row["error"]) == (pytest.approx(0.1), pytest.approx(0.1044))
+    assert (row["buys"], row["price"], row["fastest"]) == ("speed, for less than 1 %", "1e-03: 2.1 x, +0.4 %", "yes")
+    (truth, *_) = truth_rows(scene)
+    assert (truth["measure"], truth["source"]) == ("seismic potency", "limit of ever smaller cells")
+    assert (truth["truth"], truth["finest_from_truth"]) == (pytest.approx(1.0), pytest.approx(0.1))
     assert scene.label(scene.points[-1]) == "tolerance 1e-03"
     assert [bool(on) for on in scene.front] == [True, False, False, False, False, True]
 
@@ -125,28 +130,31 @@ def test_a_sentence_says_what_a_knob_buys():
 @pytest.mark.parametrize(
     ("work", "potency", "text"),
     [
-        (9.6, 1.1, "Buys nothing here"),  # repeats differ by a tenth
-        (30.0, 1.02, "Buys no speed here; it can buy accuracy."),
-        (30.0, 1.1, "Buys nothing here"),
-        (2.0, 1.4, "Buys speed for more than 1 %"),
+        (9.6, 1.1, "nothing"),  # repeats differ by a tenth
+        (30.0, 1.02, "accuracy"),
+        (30.0, 1.1, "nothing"),
+        (2.0, 1.4, "speed, for more than 1 %"),
     ],
 )
 def test_what_is_no_faster_beyond_noise_buys_nothing(work, potency, text):
     run = {"work": work, "cascade": 1e-4, "potency": potency}
     scene = made_up(BASE | {"other": run, "best": {"work": 50.0, "rings": 9, "potency": 1.0}}, limit=["best"])
     assert scene.noise == pytest.approx(1.1)
-    assert verdict(scene, line_of(scene, "cascade")).startswith(text)
+    (row,) = rows_on(scene, "cascade")
+    assert row["buys"] == text
+    assert (row["price"] == "no speed") == (work > 9.0)
 
 
-def test_noise_that_was_not_measured_is_not_told(tmp_path):
+def test_noise_that_was_not_measured_is_not_told():
     """No run repeats the first scene's base: 4 % are too little to be told all the same."""
     loose = {"loose": {"work": 9.6, "tolerance": 1e-3, "potency": 1.2}}
     alone, repeated = made_up({"base": BASE["base"]} | loose, limit=["loose"]), made_up(BASE | loose, limit=["loose"])
     assert np.isnan(alone.noise)
-    assert price(alone, line_of(alone, "tolerance")) == "no speed"
-    write_report([alone, repeated], tmp_path / "table.csv", tmp_path / "report.html")
-    row = (tmp_path / "report.html").read_text().partition("noise: the same takes up to")[2].partition("</tr>")[0]
-    assert [cell.partition("<")[0] for cell in row.split('<td class="text">')[1:]] == ["–", "1.10 x as long"]
+    assert [row["price"] for row in rows_on(alone, "tolerance")] == ["no speed"]
+    table = make_table([alone, repeated])
+    assert np.isnan(table.noise[0])
+    assert table.noise.dropna().to_list() == [pytest.approx(1.1)]
+    assert table[table.noise.notna()].preset.to_list() == ["standard"]
 
 
 def test_a_repeated_run_takes_the_same_wherever_it_is_told():
@@ -162,9 +170,10 @@ def test_a_repeated_run_takes_the_same_wherever_it_is_told():
     for knob, expected in (("tolerance", 2.0), ("cell", 4.0), ("closeness", 1.0)):
         line = line_of(scene, knob)
         (member,) = (point for point in line.members if point is not line.anchor)
-        assert speed(scene, line, member) == expected
+        assert scene.speed(line, member) == expected
     table = make_table([scene])
-    assert all("| times as fast |" in shown.lines(table)[2] for shown in tables_of("tradeoff"))
+    shown = [lines[2] for shown in STUDY.shown if shown.file == "table" and (lines := shown.lines(table))]
+    assert sum("| times as fast |" in head for head in shown) == 2  # The front is empty: errors have no limit here.
     table = table.set_index("variant")
     assert table.times_as_fast.to_list() == [1.0, 1.0, 1.0, 4.0, 2.0, 2.0]
     assert table.work_s.to_list() == [10.0, 11.0, 8.0, 2.5, 6.0, 4.0]
@@ -178,12 +187,11 @@ def test_a_line_may_stand_beside_the_base_and_says_so():
         | {"damped": {"work": 60.0, "potency": 1.1, "scheme": "explicit", "damping": 0.9}}
         | {"close": {"work": 10.0, "potency": 1.1, "closeness": 0.9, "events": 12.0}}
     )
-    damping = line_of(scene, "damping")
-    assert damping.beside == "scheme explicit"
-    assert sentence(scene, damping) == (
-        "From 0.7 (with scheme explicit) to 0.9: 2 x as long, the same to the last digit."
-    )
-    assert "12 events instead of 9" in sentence(scene, line_of(scene, "closeness"))
+    (damping,) = rows_on(scene, "damping")
+    assert (damping["from"], damping["to"], damping["beside"]) == ("0.7", "0.9", "scheme explicit")
+    assert (damping["times_as_fast"], damping["change"], damping["buys"]) == (0.5, 0.0, "nothing")
+    (close,) = rows_on(scene, "closeness")
+    assert (close["events_before"], close["events"], close["buys"]) == (9.0, 12.0, "another count of events")
 
 
 def test_a_preset_is_on_the_front_or_beaten_by_a_run_that_is():
@@ -205,17 +213,23 @@ def test_a_preset_is_on_the_front_or_beaten_by_a_run_that_is():
     assert [point.variant for point, on in zip(scene.points, scene.front, strict=True) if on] == [
         "draft", "loose", "fine"
     ]  # fmt: skip
-    draft, base, fine = (preset_sentence(scene, point) for point in scene.presets)
-    assert draft == "accuracy draft (finest cell 2.5 m): error 40 %, 5 x as fast; on the Pareto front."
-    assert base.startswith("accuracy standard (the base): error 10 %; not on the Pareto front: ")
-    assert base.endswith("tolerance 1e-03 is 2 x as fast, error 2.0 %.")
-    assert fine == "accuracy fine (finest cell 0.625 m): error 1.0 %, 4 x as long; on the Pareto front."
+    rows = make_table([scene]).set_index("preset").loc[["draft", "standard", "fine"]]
+    assert rows.changes.to_list() == [
+        "accuracy draft (finest cell 2.5 m)", "base", "accuracy fine (finest cell 0.625 m)"
+    ]  # fmt: skip
+    assert rows.main_error.to_list() == pytest.approx([0.4, 0.1, 0.01])
+    assert rows.times_as_fast.to_list() == pytest.approx([5.0, 1.0, 0.25])
+    assert rows.pareto_front.to_list() == ["yes", "", "yes"]
+    assert rows.beaten_by.to_list() == ["", "tolerance 1e-03", ""]
 
 
 def test_a_preset_that_is_the_truth_has_nothing_to_be_judged_by():
     truth = {"work": 40.0, "cell": 0.625, "potency": 1.01, "accuracy": "fine"}
     scene = made_up(BASE | {"fine": truth}, limit=["fine"])
-    assert preset_sentence(scene, scene.presets[-1]).endswith(": nothing to judge it by.")
+    row = make_table([scene]).set_index("preset").loc["fine"]
+    assert np.isnan(row.main_error)
+    assert (row.pareto_front, row.beaten_by) == ("", "")
+    assert truth_rows(scene)[0]["source"] == "run fine"
 
 
 def test_knobs_are_read_from_the_configuration():
@@ -232,12 +246,7 @@ def test_a_run_whose_limit_is_no_variant_is_refused_in_one_line():
         made_up(BASE, limit=["finest"])
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.0, "0.00 %"), (0.123, "12 %"), (0.00123, "0.12 %"), (2.0, "200 %")])
-def test_a_share_has_two_digits(value, text):
-    assert share(value) == text
-
-
-def test_a_study_runs_to_its_table_and_page(tmp_path):
+def test_a_study_runs_to_its_tables(tmp_path):
     """The stope on cells of 5 and 2.5 m; costs made up, as nothing was measured."""
     variants = {"base": {"grid": {"levels": 2}}, "fine": {"grid": {"levels": 3}}}
     variants["once"] = {"grid": {"levels": 2}, "solver": {"increments": 1}}
@@ -247,11 +256,11 @@ def test_a_study_runs_to_its_table_and_page(tmp_path):
     for number, variant in enumerate(results.variants.values(), start=2):
         variant.costs = lambda stage, seconds=number: Costs(9.0, seconds + 0.5, 0.5, 300.0)
     points = measure_study(results)
-    write_points(points, tmp_path / "points.json")
-    assert json.loads((tmp_path / "points.json").read_text())["study"] == "tradeoff_stope"
-    scene = Scene(results.study, read_points(tmp_path / "points.json"))
-    write_report([scene], tmp_path / "table.csv", tmp_path / "report.html")
-    table = pd.read_csv(tmp_path / "table.csv").set_index("variant")
+    read = Points.read(json.loads(json.dumps(asdict(points))))
+    assert read.study == "tradeoff_stope"
+    assert json.dumps(asdict(read)) == json.dumps(asdict(points))
+    scene = Scene(results.study, read)
+    table = make_table([scene]).set_index("variant")
     assert table.loc["base", "failed_volume_m3"] != pytest.approx(table.loc["once", "failed_volume_m3"], rel=1e-3)
     assert table.loc["once", "changes"] == "increments 1"
     assert table.loc["draft", "changes"].startswith("accuracy draft (tolerance ")
@@ -262,14 +271,14 @@ def test_a_study_runs_to_its_table_and_page(tmp_path):
     assert table.loc["base", "error_potency"] > 0.0
     assert np.isnan(table.loc["fine", "error_potency"])  # it is the truth
     assert table.loc["fine", "apart_m"] == 0.0
-    page = (tmp_path / "report.html").read_text()
-    assert "http" not in page.split("</style>")[1].replace("http://www.w3.org", "")
-    assert page.count("data:image/svg+xml;base64,") == 1
-    assert "Accuracy draft (tolerance" in page
-    assert "Accuracy standard (the base): error" in page
-    rows, figure = answer(results)
-    assert len(rows) == len({row.quantity for row in rows}) == 4 * len(scene.measures)
-    assert len(figure.axes) == 2
+    assert table.loc["base", "main_error"] == table.loc["base", "error_potency"]
+    assert table.preset.to_list() == ["standard", "", "", "draft"]
+    tables = {"table": table, "prices": pd.DataFrame(price_rows(scene)), "truths": pd.DataFrame(truth_rows(scene))}
+    assert all(len(shown.lines(tables[shown.file])) > 4 for shown in STUDY.shown)
+    assert set(tables["prices"].setting) >= {"finest cell", "increments"}
+    assert tuple(tables["prices"]) == PRICE_COLUMNS
+    assert tables["truths"].source.iloc[0] == "run fine"
+    assert len(draw(scene).axes) == 2
     events = results["fine"].events("mined")
     assert apart(events, results["once"].events("mined")) > 0.0 or events.resolved.sum() == 0
 

@@ -77,7 +77,7 @@ def test_a_companion_runs_beside_what_stands(spoiled, base):
     after = hashes(results)
     assert {path for path in before if after[path] != before[path]} <= {"comparison.nc"}
     made = {f"coarse/{kind}/{step}.nc" for kind in ("steps", "events") for step in STEPS}
-    made |= {f"coarse/{name}" for name in ("grid.nc", "elastic.nc", "catalog.nc")}
+    made |= {f"coarse/{name}" for name in ("grid.nc", "elastic.nc", "catalog.nc", "catalog.csv")}
     assert set(after) - set(before) == {"grid_convergence.nc", *made}
 
     found = xr.open_dataset(results / "grid_convergence.nc")

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.fit import SHARES, Fit, SelfTest, expected
+from calibration.fit import SHARES, Fit, SelfTest, fit_likelihood
 from calibration.likelihood import MAX_IMPLAUSIBILITY
-from calibration.posterior import Posterior, find_posterior
+from calibration.posterior import Posterior
 from calibration.settings import CalibratedQuantity
 from calibration.stages import Calibration
 from calibration.tradeoffs import CONFINEMENTS, PRIOR_POINTS, best_known_strengths, strengths
@@ -149,12 +149,7 @@ def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
     correction = CellCorrection.none(trials)
     surrogate = found.fit.surrogate.of(found.rows.points, trials.all, found.rows.trials)
     likelihood = replace(found.fit.likelihood, recorded=recorded, correction=correction)
-
-    def evaluate(points: NDArray) -> tuple[NDArray, NDArray]:
-        known = expected(surrogate, correction, points)
-        return likelihood(*known), likelihood.implausibility(*known)
-
-    return Fit(surrogate, likelihood, find_posterior(evaluate, found.rows.points.shape[1], found.settings.seed))
+    return fit_likelihood(surrogate, likelihood, found.rows.points.shape[1], found.settings.seed)
 
 
 def chain_claims(found: Calibration, quantities: Sequence[CalibratedQuantity]) -> list[Claim]:

@@ -30,11 +30,12 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
     inputs: `settings` of the calibration with the true values, its `trials`, those on `finer` cells, the mine's
     `record`, and the `records` that were made.
     """
-    (settings,), (record,), trials = inputs["settings"], inputs["record"], inputs["trials"]
+    (settings,), (record,) = inputs["settings"], map(Path, inputs["record"])
+    trials, finer = (list(map(Path, inputs.get(name, []))) for name in ("trials", "finer"))
     given = read_job(settings).settings
     varied = given | {"calibration": given["calibration"] | {"terms": TERMS[name]}}
     designed = np.array([number for number, trial in enumerate(given["trials"]) if trial["kind"] == "design"])
-    found = read_calibration(varied, trials, inputs["finer"], record)
+    found = read_calibration(varied, trials, finer, record)
     tested = found.self_test(designed)
     rows = claims.self_test_claims(found, tested, designed)
     for path in inputs["records"]:

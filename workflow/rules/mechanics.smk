@@ -73,6 +73,7 @@ rule companion:
         directory(f"{RESULTS}/{COARSE}/steps"),
         directory(f"{RESULTS}/{COARSE}/events"),
         f"{RESULTS}/{COARSE}/catalog.nc",
+        f"{RESULTS}/{COARSE}/catalog.csv",
     log:
         f"{LOGS}/{COARSE}.log",
     conda:

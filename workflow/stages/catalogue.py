@@ -2,6 +2,7 @@
 
 import json
 import logging
+from functools import partial
 from pathlib import Path
 
 from common.job import Job
@@ -35,7 +36,7 @@ def events(job: Job) -> None:
         extracted = _events_of(states[name], job.settings["seismic"] | steps[name]["dates"])
         write_events(extracted.assign_attrs(record), files[name])
 
-    call_all({name: lambda name=name: extract(name) for name in steps}, job.threads)
+    call_all({name: partial(extract, name) for name in steps}, job.threads)
     dated = [name for name in steps if steps[name]["dates"]["start"]]
     merged = merge([read_events(files[name]) for name in dated or steps])
     logging.info("catalogue of %d events, %d resolved", merged.sizes["event"], int(merged["resolved"].sum()))

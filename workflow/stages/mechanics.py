@@ -72,7 +72,7 @@ def companion(job: Job) -> None:
     from common.datasets import write_dataset
     from common.event_table import write_events
     from mpm_core.kernels.threads import use_threads
-    from seismic.catalog import merge
+    from seismic.catalog import merge, write_csv
     from workflow.run_mine import run_stages
 
     use_threads(job.threads)
@@ -84,4 +84,6 @@ def companion(job: Job) -> None:
         else:
             write_dataset(dataset.assign_attrs(record), folder / f"{name}.nc")
         logging.info("%s is done", name)
-    write_events(merge(events).assign_attrs(record), folder / "catalog.nc")
+    catalog = merge(events)
+    write_events(catalog.assign_attrs(record), folder / "catalog.nc")
+    write_csv(catalog, folder / "catalog.csv")

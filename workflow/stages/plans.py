@@ -41,5 +41,5 @@ def plans(job: Job) -> None:
     from plans.page import report_stage
 
     page, table = job.outputs
-    files = {"grid": job.input("grid"), "outcomes": job.paths("outcomes")}
-    report_stage(job.settings, **files, output=page, table=table)
+    outcomes = job.paths("outcomes")
+    report_stage(job.settings, grid=job.input("grid"), outcomes=outcomes, output=page, table=table)
