@@ -114,6 +114,19 @@ def what_stands(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(results)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
+def test_a_result_that_is_asked_for_by_name_is_no_old_one(tmp_path, copied, fresh, leave_empty):
+    """A step was killed. Its state is missing, and what was made from the earlier one still stands."""
+    (folder, file), catalog = copied, "results/tiny/catalog.nc"
+    write_mine(changed(TINY, **STRONGER), file)
+    ends = ending("results/tiny/steps/2019-08.nc", KILLED, tmp_path, leave_empty)
+    assert snakemake(file, folder, catalog, interpreter=ends)[0] != 0
+    status, text = snakemake(file, folder, catalog, interpreter=leave_empty)
+    assert status == 0, text
+    assert jobs(text) == {"step": 1, "events": 1}
+    wanted = fresh(changed(TINY, **STRONGER)) / "run"
+    assert (folder / catalog).read_bytes() == (wanted / catalog).read_bytes()
+
+
 @pytest.mark.slow
 def test_a_killed_stage_ends_in_the_bytes_of_a_fresh_folder(spoiled, base, tmp_path):
     """What the stages themselves leave and find."""
