@@ -96,3 +96,14 @@ def test_numbers_of_pages_may_differ_in_their_last_digit_on_another_processor():
         lines = ["- 2019-08 | 1.20", f"+ 2019-08 | {after}"]
         assert differences(golden, found) == [f"report.html: Sizes: {line}" for line in lines]
         assert (differences(golden, found, exact=False) == []) is close
+
+
+def test_rounding_errors_of_balances_may_differ_on_another_processor():
+    """However they are printed; a number that is none may not."""
+    golden, rounded, larger = (
+        {"report.html": {"Failed rock": [f"history | −0.29 | {balance} %"]}}
+        for balance in ("2.3·10⁻¹³", "−6e−14", "2.3·10⁻³")
+    )
+    assert differences(golden, rounded, exact=False) == []
+    assert len(differences(golden, larger, exact=False)) == 2
+    assert len(differences(golden, rounded)) == 2
