@@ -9,7 +9,7 @@ from types import ModuleType
 
 from common.costs import COMPILING
 from common.importing import when_imported
-from common.provenance import KERNEL_PACKAGES
+from common.kernel_cache import KERNEL_PACKAGES
 
 SECONDS_TO_FIRST_LINE = 1.0  # A stage that ends sooner says only that it has ended.
 SECONDS_BETWEEN_LINES = 30.0  # Seconds between two lines on the progress of a stage.

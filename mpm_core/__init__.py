@@ -3,7 +3,7 @@ equilibrium."""
 
 import os
 
-from common.provenance import use_numba_cache
+from common.kernel_cache import use_numba_cache
 
 # A waiting OpenMP thread spins for milliseconds by default, which takes the processor from other processes. To wake one
 # that sleeps takes as long as a kernel over a small mine, in a virtual machine several times as long. So it spins for

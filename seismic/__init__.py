@@ -1,5 +1,5 @@
 """Seismic events from plastic strain: potency, events, catalogue."""
 
-from common.provenance import use_numba_cache
+from common.kernel_cache import use_numba_cache
 
 use_numba_cache()

@@ -10,7 +10,7 @@ from common.stage import run_stage
 
 def case(arguments: argparse.Namespace) -> None:
     """Measure one case of a measuring study."""
-    from common.provenance import use_numba_cache
+    from common.kernel_cache import use_numba_cache
 
     use_numba_cache()
     from verification.frame import measure_case

@@ -9,7 +9,9 @@ usage: rockburst-mpm <mine>.yaml [targets] [options of Snakemake]
 It runs Snakemake on a mine's file, on all cores unless --cores says otherwise. Results go to the folder `results` of
 the working directory. Targets and options are those of `snakemake`; `snakemake --help` lists the options.
 """
-INSTALLED = Path(__file__).resolve().parent
+PACKAGE = Path(__file__).resolve().parent
+# In a checkout the Snakefile, config and profiles stand beside the packages, in an installation within this one.
+BASE = PACKAGE if (PACKAGE / "profiles").is_dir() else PACKAGE.parent
 
 
 def arguments(words: list[str]) -> list[str]:
@@ -18,12 +20,10 @@ def arguments(words: list[str]) -> list[str]:
         print(USAGE, end="", file=sys.stderr)
         sys.exit(0 if words[:1] in (["-h"], ["--help"]) else 2)
     mine, *others = words
-    # In a checkout the Snakefile, config and profiles stand beside the packages, in an installation within this one.
-    base = INSTALLED if (INSTALLED / "profiles").is_dir() else INSTALLED.parent
     cores = (
         [] if any(word in ("--cores", "-c") or word.startswith("--cores=") for word in others) else ["--cores", "all"]
     )
-    profile = ["--snakefile", str(base / "Snakefile"), "--workflow-profile", str(base / "profiles/default")]
+    profile = ["--snakefile", str(BASE / "Snakefile"), "--workflow-profile", str(BASE / "profiles/default")]
     return [*others, *cores, *profile, "--configfile", mine]
 
 

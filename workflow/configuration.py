@@ -1,5 +1,6 @@
 """A mine's configuration as Snakemake has merged it: read, checked, in SI units."""
 
+import copy
 import datetime
 import math
 import os
@@ -12,6 +13,7 @@ from workflow.checks import check_mine
 from workflow.key_order import key_in, parts_of, section_of, sorted_by_place
 from workflow.mine import Mine
 from workflow.mine_settings import MineSettings
+from workflow.strict_yaml import read_yaml
 
 ELASTIC = {"model": "elastic", "youngs_modulus": "1 GPa", "poisson_ratio": 0.25, "density": "2000 kg/m^3"}
 IN_PLACE = {  # of required keys
@@ -23,7 +25,24 @@ IN_PLACE = {  # of required keys
     "ensemble": 0,
 }
 LISTS = ("excavations", "rock_bodies", "loads", "strains", "steps")
-MOST_TOLD = 20  # mistakes at once: more scroll away
+MAX_MISTAKES_SHOWN = 20  # more scroll away
+PACKAGE = Path(__file__).resolve().parent
+BASE = PACKAGE if (PACKAGE / "config").is_dir() else PACKAGE.parent  # with config: of an installation, or the checkout
+
+
+def load_mine(mine_file: str | os.PathLike, changes: dict | None = None) -> Mine:
+    """The mine of a file over the defaults, as Snakemake loads it, for a notebook or a script.
+
+    changes: keys that differ from the file, as --config sets them. Raises InputError for a file that cannot be read,
+    and InputErrors as `load`.
+    """
+    from snakemake.utils import update_config  # here: Snakemake itself has merged what `load` takes
+
+    default = read_yaml(BASE / "config/default.yaml")
+    text = copy.deepcopy(default)
+    for values in (read_yaml(mine_file), changes or {}):
+        update_config(text, values)
+    return load(text, mine_file, default, changes)
 
 
 def load(
@@ -53,8 +72,8 @@ def load(
             check_mine(mine, mistakes, broken)
     if mistakes.lines:
         lines = sorted_by_place(list(dict.fromkeys(mistakes.lines)), mine_file, overrides or {})
-        if len(lines) > MOST_TOLD + 1:
-            lines[MOST_TOLD:] = [f"{mine_file}: and {len(lines) - MOST_TOLD} more mistakes"]
+        if len(lines) > MAX_MISTAKES_SHOWN + 1:
+            lines[MAX_MISTAKES_SHOWN:] = [f"{mine_file}: and {len(lines) - MAX_MISTAKES_SHOWN} more mistakes"]
         raise InputErrors(lines)
     return mine
 

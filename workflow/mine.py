@@ -190,7 +190,7 @@ class Mine(Plan):
 
     def forecast_slice(self) -> dict:
         """What forecast_scores.nc depends on besides the record and the grid. Kept files have no rule that makes them
-        again, so they are known by their content (common.provenance)."""
+        again, so they are known by their content (common.kernel_cache)."""
         return {
             "mine": self.name,
             "forecasts": [{"file": path} for path in self.forecasts()],

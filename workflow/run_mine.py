@@ -40,11 +40,12 @@ def run_mine(mine: Mine, failed: Path = Path("failed_state.npz")) -> Run:
 
     failed: file in which a stage that fails leaves its last state. Raises InputError where a stage cannot be solved.
 
-    >>> from verification.extremes.tiny_mine import FLAT
-    >>> from workflow.configuration import load_values
-    >>> run = run_mine(load_values(FLAT))
-    >>> list(run.steps), run.catalog.sizes["event"] > 0
-    (['2019-08'], True)
+    >>> from workflow.configuration import load_mine
+    >>> run = run_mine(load_mine("tests/golden/mines/flat.yaml"))
+    >>> list(run.steps)
+    ['history', '2019-08']
+    >>> run.catalog.sizes["event"] > 0
+    True
     """
     found = {name: dataset for name, dataset, _ in run_stages(mine.run_slices(), failed)}
     run = Run(found["grid"], found["elastic"])

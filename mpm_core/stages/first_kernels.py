@@ -31,7 +31,7 @@ import numba
 from numba.core.dispatcher import Dispatcher
 
 from common.costs import COMPILING, processor_time
-from common.provenance import kernel_hash
+from common.kernel_cache import kernel_hash
 from common.stage import die_with_parent
 from mpm_core.constitutive.laws import can_fail, law_of_all
 from mpm_core.scene.scene import Scene

@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 
 from catalogs.figures import style
-from common.provenance import use_numba_cache
+from common.kernel_cache import use_numba_cache
 from verification.studies import merge
 from workflow.configuration import load
 

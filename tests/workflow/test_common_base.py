@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from tiny_mines import ROOT
 
-from common import provenance
+from common import kernel_cache
 from common.datasets import atomic_path, read_dataset, write_dataset
 from common.errors import InputError
 from common.job import config_hash
@@ -121,13 +121,14 @@ def test_numba_cache_is_named_by_the_sources_with_kernels_and_pruned(tmp_path, m
     kernel, plain = tmp_path / "mpm_core/kernel.py", tmp_path / "seismic/plain.py"
     kernel.write_text("from numba import njit\n")
     plain.write_text("x = 1\n")
-    monkeypatch.setattr(provenance, "ROOT", tmp_path)
-    monkeypatch.setattr(provenance, "kernel_hash", provenance.kernel_hash.__wrapped__)  # which a process asks for once
+    monkeypatch.setattr(kernel_cache, "ROOT", tmp_path)
+    once = kernel_cache.kernel_hash.__wrapped__  # a process asks for it once
+    monkeypatch.setattr(kernel_cache, "kernel_hash", once)
     monkeypatch.setattr(sys.modules["numba"].config, "CACHE_DIR", "") if "numba" in sys.modules else None
 
     def folder() -> str:
         monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-        provenance.use_numba_cache()
+        kernel_cache.use_numba_cache()
         return os.environ["NUMBA_CACHE_DIR"]
 
     first = folder()
@@ -143,7 +144,7 @@ def test_numba_cache_is_named_by_the_sources_with_kernels_and_pruned(tmp_path, m
         kernel.write_text(f"from numba import njit  # {number}\n")
     latest = folder()
     left = {path.name for path in (tmp_path / ".numba_cache").iterdir()}
-    assert len(left) == provenance.CACHES_KEPT
+    assert len(left) == kernel_cache.CACHES_KEPT
     assert os.path.basename(latest) in left
     assert os.path.basename(first) not in left
 
@@ -151,7 +152,7 @@ def test_numba_cache_is_named_by_the_sources_with_kernels_and_pruned(tmp_path, m
 def test_users_own_cache_folder_is_respected(tmp_path, monkeypatch):
     """NUMBA_CACHE_DIR set from outside stays."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
-    provenance.use_numba_cache()
+    kernel_cache.use_numba_cache()
     assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path / "mine")
 
 
@@ -161,7 +162,8 @@ def run_on_read_only_checkout(tmp_path, **environment) -> subprocess.CompletedPr
     shutil.copytree(ROOT / "common", checkout / "common", ignore=shutil.ignore_patterns("__pycache__"))
     (checkout / ".numba_cache").write_text("")
     (checkout / "mpm_core").mkdir()
-    (checkout / "mpm_core/__init__.py").write_text("from common.provenance import use_numba_cache\nuse_numba_cache()\n")
+    package = "from common.kernel_cache import use_numba_cache\nuse_numba_cache()\n"
+    (checkout / "mpm_core/__init__.py").write_text(package)
     kernel = "from numba import njit\n@njit(cache=True)\ndef double(x):\n    return 2 * x\n"
     (checkout / "mpm_core/kernel.py").write_text(kernel)
     program = "from mpm_core.kernel import double; print(double(2), sum(double.stats.cache_hits.values()))"

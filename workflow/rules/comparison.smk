@@ -60,7 +60,7 @@ rule report:
 
 
 rule report_page:
-    """The report in its place, a copy. The earlier one stays until this one is whole: Snakemake removes what a job makes before it starts."""
+    """The report in its place, a copy. Snakemake removes what a job makes before it starts; the earlier report stays."""
     input:
         FILES.own(".report.html"),
     output:

@@ -1,0 +1,53 @@
+"""A whole mine in this process: the same values as from the stages of a pipeline, which write files."""
+
+import doctest
+
+import numpy as np
+import pytest
+import xarray as xr
+from tiny_mines import ROOT
+
+from common.errors import InputErrors
+from workflow import run_mine
+from workflow.cli import arguments
+from workflow.configuration import load_mine
+
+
+def test_the_example_in_its_documentation_runs(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert doctest.testmod(run_mine).failed == 0
+
+
+@pytest.mark.slow
+def test_values_are_those_of_the_pipeline(undisturbed, tiny_file, tmp_path):
+    """To the bit, from the grid to the catalogue."""
+    run, results = run_mine.run_mine(load_mine(tiny_file), tmp_path / "failed.npz"), undisturbed[0] / "results/tiny"
+    made = {"grid": run.grid, "elastic": run.elastic, "catalog": run.catalog}
+    made |= {f"steps/{name}": state for name, state in run.steps.items()}
+    made |= {f"events/{name}": events for name, events in run.events.items()}
+    assert set(run.steps) == set(run.events) == {"history", "2019-08"}
+    for name, dataset in made.items():
+        with xr.open_dataset(results / f"{name}.nc") as stored:
+            assert set(stored.variables) == set(dataset.variables)
+            for variable in stored.variables:
+                np.testing.assert_array_equal(stored[variable].values, dataset[variable].values, err_msg=variable)
+
+
+def test_changes_are_merged_as_snakemake_merges_them(tiny_file):
+    mine = load_mine(tiny_file, {"solver": {"increments": 3}, "ensemble": 2})
+    assert (mine.settings.solver.increments, mine.settings.ensemble) == (3, 2)
+    assert mine.settings.solver.tolerance == load_mine(tiny_file).settings.solver.tolerance
+    with pytest.raises(InputErrors, match=r"--config: solver\.increment: unknown key"):
+        load_mine(tiny_file, {"solver": {"increment": 3}})
+
+
+def test_the_installed_command_hands_a_mine_to_snakemake(capsys):
+    """On all cores unless it is told otherwise; targets stand before the file."""
+    line = arguments(["mine.yaml", "plans", "-n"])
+    assert line[:4] == ["plans", "-n", "--cores", "all"]
+    assert line[-2:] == ["--configfile", "mine.yaml"]
+    assert arguments(["mine.yaml", "--cores", "2"])[:2] == ["--cores", "2"]
+    assert "all" not in arguments(["mine.yaml", "-c", "2"])
+    with pytest.raises(SystemExit):
+        arguments([])
+    assert "usage: rockburst-mpm" in capsys.readouterr().err
