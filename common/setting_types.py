@@ -37,7 +37,7 @@ from common.quantities import parse_quantity
 SI = "SI"  # context of a validation: quantities are numbers already
 TAG = "="  # begins the tag of a choice, which is no key of the user's
 MAX_LENGTH_SHOWN = 60  # Characters of a wrong value that its message shows.
-LARGEST_INTEGER = 2**63 - 1
+MAX_INTEGER = 2**63 - 1
 EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")  # a number that YAML 1.1 may read as text
 BOUNDS = {"minimum": "ge", "exclusiveMinimum": "gt", "maximum": "le", "exclusiveMaximum": "lt"}  # JSON's name, ours
 KEY_PATTERN = r"^[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)+$"
@@ -288,7 +288,7 @@ Point = Annotated[tuple[Length, ...], Field(min_length=2, max_length=3), AsTuple
 
 def short(value) -> str:
     """A value as an error message shows it."""
-    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+    if isinstance(value, int) and abs(value) > MAX_INTEGER:
         return "an integer of 20 digits or more"  # of thousands of digits Python makes no text
     text = repr(value)
     return text if len(text) <= MAX_LENGTH_SHOWN else f"{text[:MAX_LENGTH_SHOWN]}..."

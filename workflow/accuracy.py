@@ -11,7 +11,7 @@ from common.errors import InputError
 from mpm_core.settings import MAX_LEVELS
 from workflow.plan import Plan
 
-LOOSEST = {
+LOOSE_TOLERANCE_MISS = {
     "tolerance": 1e-2,
     "cascade_tolerance": 0.05,
 }  # with larger ones rock is far from equilibrium when failure is checked
@@ -56,10 +56,13 @@ def apply_accuracy(mine: Plan) -> None:
         )
     mine.change("grid", levels=levels)
     mine.resized_by = name
-    tolerances = {key: getattr(solver, key) for key in LOOSEST}
+    tolerances = {key: getattr(solver, key) for key in LOOSE_TOLERANCE_MISS}
     mine.change(
         "solver",
-        **{key: max(value, min(value * preset.tolerances, LOOSEST[key])) for key, value in tolerances.items()},
+        **{
+            key: max(value, min(value * preset.tolerances, LOOSE_TOLERANCE_MISS[key]))
+            for key, value in tolerances.items()
+        },
         max_overshoot=min(max(solver.max_overshoot * preset.overshoot, 0.001), 1.0),
         increments=min(math.ceil(solver.increments / preset.overshoot), 1000),  # 0 stays: max_overshoot decides
     )

@@ -38,8 +38,8 @@ RESERVED = (
     "catalog_spread",
     "calibration_truth",
 )  # folders of results
-LEAST_HOURGLASS = 0.001  # a thousandth of it makes a stage twenty times as long, zero has no answer
-MOST_POISSON = 0.49  # where particles share a cell: a hole then closes 4 % too little, at 0.499 26 %, at 0.4999 73 %
+MIN_HOURGLASS_STIFFNESS = 0.001  # a smaller one takes many more iterations; without any there is no answer
+MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff
 MOST_CELLS = 10**9  # coarse ones; the finer come on top
 
 
@@ -371,17 +371,17 @@ def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
     others = ", or more grid.particles_per_cell" + (" and grid.cut_cells: whole or subdivide" if is_mean else "")
     stiff = {name: material.poisson_ratio for name, material in mine.settings.materials.items()}
     with mistakes.gather():
-        if solver.hourglass < LEAST_HOURGLASS and fewest == 1:
+        if solver.hourglass < MIN_HOURGLASS_STIFFNESS and fewest == 1:
             raise InputError(
                 f"solver.hourglass: {solver.hourglass:g} leaves cells of one particle without stiffness against "
-                f"hourglass patterns; use {LEAST_HOURGLASS:g} to 1{others}"
+                f"hourglass patterns; use {MIN_HOURGLASS_STIFFNESS:g} to 1{others}"
             )
     for name, ratio in stiff.items():
         with mistakes.gather():
-            if count > 1 and ratio > MOST_POISSON:
+            if count > 1 and ratio > MAX_POISSON_SHARED_CELL:
                 raise InputError(
                     f"materials.{name}.poisson_ratio: {ratio:g} locks cells of {count} particles, which then hardly "
-                    f"deform; use at most {MOST_POISSON:g}, or grid.particles_per_cell: 1"
+                    f"deform; use at most {MAX_POISSON_SHARED_CELL:g}, or grid.particles_per_cell: 1"
                 )
     if solver.move and fewest == 1:
         raise InputError("solver.move: a lone particle must rest where it is" + others.replace(", or", "; use"))

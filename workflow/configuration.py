@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from common.errors import InputError, InputErrors, Mistakes
-from common.setting_types import LARGEST_INTEGER, key_of, short
+from common.setting_types import MAX_INTEGER, key_of, short
 from workflow.checks import check_mine
 from workflow.key_order import key_in, parts_of, section_of, sorted_by_place
 from workflow.mine import Mine
@@ -55,7 +55,7 @@ def load(
     """
     mine_file, mistakes = Path(mine_file), Mistakes()
     odd: dict[str, str] = {}
-    text = with_yaml_habits(config, odd)
+    text = normalise_yaml_values(config, odd)
     settings = None
     with mistakes.gather():
         settings = MineSettings.read(text)
@@ -64,7 +64,7 @@ def load(
         *(line for line in mistakes.lines if key_in(line) not in odd),
     ]
     if mistakes.lines:
-        text, settings = sound_part(text, map(key_in, mistakes.lines))
+        text, settings = valid_subset(text, map(key_in, mistakes.lines))
     if settings:
         broken = {section_of(line) for line in mistakes.lines}
         with mistakes.gather():
@@ -78,25 +78,25 @@ def load(
     return mine
 
 
-def with_yaml_habits(value, odd: dict[str, str], path=()):
+def normalise_yaml_values(value, odd: dict[str, str], path=()):
     """The value with dates as they are meant. odd: receives numbers that nothing can be computed with, by their keys.
 
     A text that looks like a number stays text: what a key accepts is for its model to say
     (common.setting_types.number).
     """
     if isinstance(value, dict):
-        return {str(key): with_yaml_habits(entry, odd, (*path, str(key))) for key, entry in value.items()}
+        return {str(key): normalise_yaml_values(entry, odd, (*path, str(key))) for key, entry in value.items()}
     if isinstance(value, list):
-        return [with_yaml_habits(entry, odd, (*path, index)) for index, entry in enumerate(value)]
+        return [normalise_yaml_values(entry, odd, (*path, index)) for index, entry in enumerate(value)]
     if isinstance(value, datetime.date | datetime.datetime):
         return value.isoformat()
     endless = isinstance(value, float) and not math.isfinite(value)
-    if endless or (isinstance(value, int) and abs(value) > LARGEST_INTEGER):
+    if endless or (isinstance(value, int) and abs(value) > MAX_INTEGER):
         odd[key_of(path)] = f"{short(value)} is not a finite number that can be computed with"
     return value
 
 
-def sound_part(text: dict, keys: Iterable[str]) -> tuple[dict, MineSettings | None]:
+def valid_subset(text: dict, keys: Iterable[str]) -> tuple[dict, MineSettings | None]:
     """The configuration without the entries and sections that these keys are in, as text and read; None if that fails.
 
     A step or a material keeps its name, which others refer to.

@@ -29,8 +29,8 @@ from workflow.mine import Mine
 from workflow.shapes import check_form
 from workflow.virgin_rock import Rocks, overstress
 
-DEEPEST = 1e5  # m from the openings: virgin rock further away is not checked
-LAYERS = 200  # distances from the openings, up to DEEPEST, at which the rock is looked up
+MAX_CHECKED_DISTANCE = 1e5  # m from the openings: virgin rock further away is not checked
+LAYERS = 200  # distances from the openings, up to MAX_CHECKED_DISTANCE, at which the rock is looked up
 SAME = 1e-9  # share by which sizes differ that are the same
 
 
@@ -188,7 +188,11 @@ def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, str
                 f"{excess / 1e6:.3g} MPa above the intact strength of materials.{rock}: it would fail before anything "
                 "is mined; check stress, depth and strength"
             )
-    distances = np.geomspace(min(finest, DEEPEST), DEEPEST, LAYERS) if rocks.bodies else [DEEPEST]
+    distances = (
+        np.geomspace(min(finest, MAX_CHECKED_DISTANCE), MAX_CHECKED_DISTANCE, LAYERS)
+        if rocks.bodies
+        else [MAX_CHECKED_DISTANCE]
+    )
 
     def end(start: float, way: float) -> tuple[float, str]:
         bears, fails = start, None
@@ -197,7 +201,7 @@ def _sound(mine: Mine, box: np.ndarray, finest: float) -> tuple[tuple[float, str
                 fails = start + way * distance
                 break
             bears = start + way * distance
-        while fails is not None and abs(fails - bears) > SAME * DEEPEST:
+        while fails is not None and abs(fails - bears) > SAME * MAX_CHECKED_DISTANCE:
             middle = 0.5 * (fails + bears)
             bears, fails = (bears, middle) if at(middle)[0] > 0.0 else (middle, fails)
         return bears, "" if fails is None else at(fails)[1]

@@ -13,10 +13,10 @@ import yaml
 
 from common.errors import InputError
 
-LARGEST_FILE = 20_000_000  # bytes; 10,000 stopes of 30 corners are 10 MB
-DEEPEST = 30  # levels of nesting; a mine has 8
+MAX_FILE_BYTES = 20_000_000  # far above that of a mine with thousands of stopes
+MAX_NESTING = 30  # levels; far above those of a mine
 MAX_KEY_CHARACTERS = 120  # A row of a study, which `known_misses` names, is the longest key of our own files.
-MOST_ALIASED = 100_000  # values that aliases stand for; ours have none
+MAX_ALIASED_VALUES = 100_000  # values that aliases stand for; ours have none
 TEMPLATE = "__use_yte__"
 # libyaml is ten times as fast, and takes some tabs, controls and odd scalars that Snakemake's own reader ends on with a
 # traceback: it reads what has none of them, as nearly every mine file.
@@ -47,8 +47,10 @@ def read_yaml(path: str | Path) -> dict:
     try:
         if path.exists() and not path.is_file():
             raise InputError(f"{path}: not a file; give a mine's YAML file")
-        if path.is_file() and path.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{path}: over {LARGEST_FILE // 10**6} MB; give solids and records as files of their own")
+        if path.is_file() and path.stat().st_size > MAX_FILE_BYTES:
+            raise InputError(
+                f"{path}: over {MAX_FILE_BYTES // 10**6} MB; give solids and records as files of their own"
+            )
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8") from error
@@ -136,10 +138,10 @@ def _check_structure(path: str | Path, text: str, loader: type) -> None:
         else:
             values += 1
             size_of[event.anchor] = 1
-        if aliased > MOST_ALIASED:
-            raise refuse(event, f"its aliases stand for more than {MOST_ALIASED:,} values; use fewer of them")
+        if aliased > MAX_ALIASED_VALUES:
+            raise refuse(event, f"its aliases stand for more than {MAX_ALIASED_VALUES:,} values; use fewer of them")
         if isinstance(event, yaml.CollectionStartEvent):
-            if len(open_nodes) == DEEPEST:
-                raise refuse(event, f"nested deeper than {DEEPEST} levels; check its brackets and indents")
+            if len(open_nodes) == MAX_NESTING:
+                raise refuse(event, f"nested deeper than {MAX_NESTING} levels; check its brackets and indents")
             keys = set() if isinstance(event, yaml.MappingStartEvent) else None
             open_nodes.append([keys, True, event.anchor, values - 1])

@@ -13,7 +13,7 @@ from catalogs.records.elk_creek_reader import OrientationSettings
 from common.errors import InputError
 from mpm_core.settings import SolverSettings
 from verification.studies import merge
-from workflow.configuration import with_yaml_habits
+from workflow.configuration import normalise_yaml_values
 from workflow.generate import TASKS, generated, schema, sections_of
 from workflow.mine_settings import MineSettings
 
@@ -76,7 +76,7 @@ SCENES = scenes()
 
 def refuses(config: dict) -> tuple[bool, bool]:
     """Whether the models and the JSON schema made from them refuse a configuration."""
-    config = with_yaml_habits(config, {})
+    config = normalise_yaml_values(config, {})
     by_schema = not SCHEMA.is_valid(config)
     try:
         MineSettings.read(config)

@@ -97,7 +97,7 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     if outcome.kind in FAULTS:
         return FAULT, math.nan, f"{outcome.kind}: {outcome.message}", facts
     if outcome.kind != RESTS:
-        return ENDED if outcome.has_begun else REFUSED, math.nan, _told(outcome.message, run), facts
+        return ENDED if outcome.has_begun else REFUSED, math.nan, _without_folder(outcome.message, run), facts
     values = merge(default_settings(), case.values)
     faults = broken(values, outcome)
     if faults:
@@ -114,7 +114,7 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     return kind, float(error), line or (cut[0] if cut else ""), facts
 
 
-def _told(message: str, run: Runner) -> str:
+def _without_folder(message: str, run: Runner) -> str:
     """A message without the folder of the run."""
     return message.removeprefix(f"{run.folder / 'mine.yaml'}: ").replace(str(run.folder), "...")
 
@@ -128,7 +128,7 @@ def _mistake(case: Case, run: Runner) -> tuple[str, float, str, dict]:
         default = default_settings()
         load(merge(default, case.values), file, default)
     except InputError as error:
-        told = _told(str(error), run)
+        told = _without_folder(str(error), run)
         if told.startswith(begins) and says in told and "\n" not in told:
             return REFUSED, math.nan, told, {}
         return FAULT, math.nan, f"refused in other words: {told}", {}
