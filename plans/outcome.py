@@ -38,13 +38,6 @@ def outcome_stage(
     return make_outcome(settings, read_dataset(grid), events, read_dataset(comparison, ["cut"]) if comparison else None)
 
 
-def input_files(settings: OutcomeSlice) -> list[str]:
-    """Files of all runs that an outcome is made from, each once: runs of the mine may be runs of its plan, too."""
-    files = [path for run in (*settings.runs, *settings.recorded_runs) for path in (*run.events, *run.states)]
-    files += [path for run in settings.compared_runs for path in run.events]
-    return list(dict.fromkeys(files))
-
-
 def make_outcome(
     settings: OutcomeSlice, grid: xr.Dataset, record: xr.Dataset | None = None, comparison: xr.Dataset | None = None
 ) -> xr.Dataset:

@@ -54,11 +54,6 @@ class Row:
         return dict(zip(COLUMNS, (scene, self.quantity, *written, VERDICTS[self.passed], self.remark), strict=True))
 
 
-def write_rows(path: Path, rows: Iterable[tuple[str, Row]]) -> None:
-    """Write pairs of scene and row as CSV, atomically."""
-    write_texts(path, (row.texts(scene) for scene, row in rows))
-
-
 def write_texts(path: Path, rows: Iterable[dict[str, str]]) -> None:
     """Write rows that are texts already as CSV, atomically."""
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:

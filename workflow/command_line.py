@@ -7,7 +7,7 @@ read as in a mine file.
 import argparse
 import re
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from common.disk import NO_ROOM
@@ -79,23 +79,3 @@ def check_folder(folder: str | Path) -> None:
                 f"{folder}: cannot be written ({error.strerror}), and notes and results go there; start in another "
                 "folder, or name one with --directory"
             ) from error
-
-
-def asks_for_more(arguments: argparse.Namespace, is_rule: Callable[[str], bool], mine: str) -> bool:
-    """Whether targets need more than the rules so far make of this mine.
-
-    Rules and files that other options name count as targets, and so do jobs that another process has planned. What
-    checks the rules themselves, --lint, needs all.
-    """
-    own = re.compile(rf"(\./)?results/{re.escape(mine)}/")
-    named = [*arguments.targets]
-    for option in ("forcerun", "until", "omit_from", "prioritize"):
-        named += getattr(arguments, option, None) or []
-    return (
-        bool(arguments.lint or arguments.list_rules or arguments.list_target_rules)
-        or any(not is_rule(target) and not own.match(target) for target in named)
-        or any(
-            not is_rule(job.rulename) or job.wildcards_dict.get("mine", mine).split("/")[0] != mine
-            for job in arguments.target_jobs
-        )
-    )

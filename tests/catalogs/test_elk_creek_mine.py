@@ -10,6 +10,7 @@ import pandas as pd
 import pint
 import pytest
 import yaml
+from areas import polygon_area
 from elk_creek_fixtures import ROOT, recorded_data, seam, write_tiny_mine
 from matplotlib.path import Path as Outline
 
@@ -45,7 +46,7 @@ def data():
 def area_by(prisms, key):
     total = {}
     for prism in prisms:
-        total[prism[key]] = total.get(prism[key], 0.0) + mine.polygon_area(prism["polygon"])
+        total[prism[key]] = total.get(prism[key], 0.0) + polygon_area(prism["polygon"])
     return total
 
 
@@ -68,7 +69,7 @@ def assert_follows_seam(prisms, plane, gob_height):
         assert np.allclose(np.subtract(prism["top"], prism["base"]), gob_height)
         solid = build_shape(prism, 3)
         assert solid.is_closed
-        assert solid.volume == pytest.approx(mine.polygon_area(prism["polygon"]) * gob_height, rel=1e-9)
+        assert solid.volume == pytest.approx(polygon_area(prism["polygon"]) * gob_height, rel=1e-9)
 
 
 def test_seam_is_the_plane_through_stations_and_panels(folder):
@@ -146,7 +147,7 @@ def test_mistakes_in_the_period_are_one_line(folder, config, changes, line):
 
 def test_centroid_and_area_of_a_triangle_far_from_the_origin():
     triangle = np.array([[1e6, 1e6], [1e6 + 3, 1e6], [1e6, 1e6 + 6]])
-    assert mine.polygon_area(triangle) == pytest.approx(9)
+    assert polygon_area(triangle) == pytest.approx(9)
     assert np.allclose(mine.polygon_centroid(triangle), [1e6 + 1, 1e6 + 2], atol=1e-6)
 
 
@@ -242,7 +243,7 @@ def test_recorded_prisms_match_the_production_drawing(data):
 
     def drawn(layer):
         outlines = [np.array(line.get_points("xy")) for line in drawing.query(f'LWPOLYLINE[layer=="{layer}"]')]
-        return [(outline, abs(mine.polygon_area(outline))) for outline in outlines]
+        return [(outline, abs(polygon_area(outline))) for outline in outlines]
 
     panel = {name: [p for p in prisms if p["name"].startswith(f"panel_{name}_")] for name in ("1", "2")}
     first = sum(area for _, area in drawn("Panel1_production"))
@@ -295,7 +296,7 @@ def test_excavations_stay_well_inside_the_configured_domain(data, config):
 def test_configured_floor_is_that_of_the_seam_where_these_months_mine(data, config):
     """Within half a cell."""
     prisms = [prism for prism in prisms_of(data) if prism["step"] != "history"]
-    area = [mine.polygon_area(prism["polygon"]) for prism in prisms]
+    area = [polygon_area(prism["polygon"]) for prism in prisms]
     mean = np.average([np.mean(prism["base"]) for prism in prisms], weights=area)
     assert abs(mean - si(config["excavations_from"]["floor"])) < 10.0
 

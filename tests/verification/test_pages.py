@@ -30,7 +30,7 @@ from verification.pages import (
     rewrite,
     studies,
 )
-from verification.rows import Row, judge, parse_known_misses, read_rows, write_rows, write_texts
+from verification.rows import Row, judge, parse_known_misses, read_rows, write_texts
 from verification.stability.points import Point
 
 MADE = replace(Made.now(), date="2026-01-02T03:04:05+00:00")
@@ -104,7 +104,7 @@ def results(tmp_path) -> Path:
         ("walls", walls(2.12)),
     ):
         table = tmp_path / "results" / "verification" / name / "table.csv"
-        write_rows(table, [(name, row) for row in rows])
+        write_texts(table, [row.texts(name) for row in rows])
         MADE.write(table)
         with style.applied():
             figure = style.new_figure(4.0, 2.0)
@@ -276,7 +276,7 @@ def test_a_pivot_marks_what_has_no_bound_and_what_misses_it(tmp_path):
     rows = [
         Row.relative(f"{size}: {name}", 2.0, 1.0, bound) for size in "ab" for name, bound in (("x", 0.9), ("y", None))
     ]
-    write_rows(tmp_path / "table.csv", [("s", row) for row in [*rows, Row.relative("c: x", 2.0, 1.0, 0.1)]])
+    write_texts(tmp_path / "table.csv", [row.texts("s") for row in [*rows, Row.relative("c: x", 2.0, 1.0, 0.1)]])
     pivot = Pivot("Change", r"(?P<row>\w): (?P<column>\w)", "change, %")
     assert pivot.lines(read_rows(tmp_path / "table.csv")) == [
         "Change:",

@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
+from areas import polygon_area
 from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
-from workflow.mines.elk_creek import polygon_area
 from workflow.mines.longwall import HISTORY, Panel, advances, seconds, slices_of
 
 WIDTH = 240.0

@@ -24,11 +24,6 @@ class Measure:
     kind: str = RELATIVE
     smooth: bool = True
 
-    @property
-    def is_share(self) -> bool:
-        """Whether its error is a share, shown in per cent."""
-        return self.kind == RELATIVE or (self.kind == ITSELF and self.unit == "1")
-
     def error(self, value: float, truth: float) -> float:
         """Error of a value: a share for kind relative, else in the measure's unit. NaN where either is NaN."""
         if self.kind == ITSELF:

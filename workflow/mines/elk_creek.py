@@ -88,12 +88,6 @@ def gob(panels: Sequence[Panel], seam: Seam, slices: Sequence[Slice], height: fl
     return prisms
 
 
-def polygon_area(polygon: np.ndarray) -> float:
-    """Signed area, m2, positive counter-clockwise; polygon (corner, 2) m."""
-    x, y = np.asarray(polygon, float).T
-    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-
-
 def polygon_centroid(polygon: np.ndarray) -> np.ndarray:
     """Centroid (2,) m: where a plane has its mean over the polygon."""
     first = np.asarray(polygon, float)
