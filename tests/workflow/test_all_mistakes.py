@@ -10,7 +10,7 @@ from tiny_mines import TINY, box, changed, merged, snakemake, write_mine
 
 from common.errors import InputError
 from verification.extremes.bad_input import FAULTS
-from workflow.configuration import MOST_TOLD, load
+from workflow.configuration import MAX_MISTAKES_SHOWN, load
 
 PAIRS = 150
 
@@ -106,8 +106,8 @@ def test_hundreds_of_mistakes_are_twenty_lines_and_their_number(tmp_path):
     with pytest.raises(InputError) as refused:
         load(config, file)
     found = [line.removeprefix(f"{file}: ") for line in refused.value.lines]
-    assert len(found) == MOST_TOLD + 1
-    assert found[-1] == f"and {5000 - MOST_TOLD} more mistakes"
+    assert len(found) == MAX_MISTAKES_SHOWN + 1
+    assert found[-1] == f"and {5000 - MAX_MISTAKES_SHOWN} more mistakes"
     assert found[0].startswith("excavations.stope_0.fill: 'paste' is not one of")
 
 

@@ -1,5 +1,6 @@
 """What every stage shares: whole files or none, the same bytes, one line on error, a cache per version of sources."""
 
+import logging
 import os
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ from common import kernel_cache
 from common.datasets import atomic_path, read_dataset, write_dataset
 from common.errors import InputError
 from common.job import config_hash
+from workflow.terminal import OneLine
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -283,3 +285,63 @@ def test_a_stage_that_takes_long_says_what_it_does_and_where_it_stands(tmp_path)
     assert 1 <= len(between) <= 2
     assert all(line.startswith("elastic tiny: increment 1 of 2 (") for line in between), between
     assert last.endswith(" MiB")
+
+
+FAILED = "RuleException:\nCalledProcessError in file \"x.smk\", line 3:\nCommand 'stage --output a.nc --log l' "
+
+
+def record(message: str, event: str | None = None) -> logging.LogRecord:
+    """A message as Snakemake's logger passes it on."""
+    from snakemake_interface_logger_plugins.common import LogEvent
+
+    values = {"event": LogEvent(event)} if event else {}
+    return logging.makeLogRecord({"msg": message, "levelno": logging.INFO, **values})
+
+
+@pytest.mark.parametrize(
+    ("message", "event", "shown"),
+    [
+        ("Select jobs to execute...", None, False),
+        ("Nothing to be done (all requested files are present and up to date).", None, True),
+        ("3 of 12 steps (25%) done", "progress", True),
+        ("Finished jobid: 1", "job_finished", False),
+        ("Removing output files of failed job report since they might be corrupted:\nfigures", None, False),
+        ("Exiting because a job execution failed. Look above for error messages", None, False),
+        (FAILED + "returned non-zero exit status 1.", "error", False),
+        (FAILED + "died with <Signals.SIGKILL: 9>.", "error", True),
+        ("LockException:\nDirectory cannot be locked.", "error", True),
+        ("MissingInputException in rule grid", "error", True),
+    ],
+)
+def test_terminal_drops_chatter_and_keeps_errors(message, event, shown):
+    """What the stage has told itself is not told again; what it could not tell is."""
+    assert OneLine().filter(record(message, event)) == shown
+
+
+def test_a_job_that_a_cluster_ended_is_told_with_its_logs():
+    """Its stage cannot say so on this terminal. A stage on this machine has said it itself."""
+    one = record("Error in rule grid, jobid: 3", "job_error")
+    one.output, one.log = ["results/tiny/grid.nc"], ["logs/tiny/grid.log", "slurm/19.log"]
+    one.rule_msg = "SLURM-job '19' failed, SLURM status is: 'TIMEOUT'.For further error details see the cluster's log."
+    assert OneLine().filter(one)
+    told = "results/tiny/grid.nc: SLURM-job '19' failed, SLURM status is: 'TIMEOUT'; see "
+    assert one.msg == told + "logs/tiny/grid.log and slurm/19.log"
+    assert one.event is None  # shown where rules are quiet
+    local = record("Error in rule grid, jobid: 3", "job_error")
+    local.rule_msg = None
+    assert OneLine().filter(local)
+    assert local.event is not None
+
+
+def test_the_table_of_jobs_is_told_once():
+    """A dry run of Snakemake shows it twice."""
+    one, table = OneLine(), record("Job stats:\njob  count", "run_info")
+    assert [one.filter(table), one.filter(table)] == [True, False]
+
+
+def test_a_killed_stage_is_told_without_its_command():
+    """The out-of-memory killer leaves a stage no time for a line of its own."""
+    one = record(FAILED + "died with <Signals.SIGKILL: 9>.", "error")
+    assert OneLine().filter(one)
+    assert one.msg.startswith("a.nc: died with <Signals.SIGKILL: 9>.")
+    assert "\n" not in one.msg
