@@ -31,4 +31,5 @@ def main() -> None:
     """Run Snakemake."""
     from snakemake.cli import main as run_snakemake
 
-    run_snakemake(arguments(sys.argv[1:]))
+    sys.argv[1:] = arguments(sys.argv[1:])  # which the profile looks at, too
+    run_snakemake(sys.argv[1:])
