@@ -16,12 +16,12 @@ from snakemake.utils import update_config
 from common.errors import InputError, InputErrors
 from verification.rows import KnownMiss, parse_known_misses
 from workflow.checks import PLANNED
-from workflow.configuration import load
+from workflow.configuration import BASE, load
 from workflow.mine import Mine
 from workflow.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDER = ROOT / "config" / "verification"
+FOLDER = BASE / "config" / "verification"
 MEASURING = {  # Studies that measure cases of their own, which are targets, too, and the packages of each.
     "tradeoff": "tradeoff",
     "catalog_spread": "spread",
@@ -79,7 +79,7 @@ def merge(base: dict, changes: dict) -> dict:
 @functools.cache
 def default_settings() -> dict:
     """The content of config/default.yaml, which no one may change."""
-    return yaml.safe_load((ROOT / "config" / "default.yaml").read_text(encoding="utf-8"))
+    return yaml.safe_load((BASE / "config" / "default.yaml").read_text(encoding="utf-8"))
 
 
 def load_study(path: str | os.PathLike, default: dict | None = None) -> Study:

@@ -6,12 +6,12 @@ from pathlib import Path
 from common.errors import InputError
 from common.quantities import parse_quantity
 from verification.studies import default_settings, merge
-from workflow.configuration import load
+from workflow.configuration import BASE, load
 from workflow.mine import Mine
 from workflow.strict_yaml import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-FILE = ROOT / "config" / "benchmarks.yaml"
+FILE = BASE / "config" / "benchmarks.yaml"
 PEERS = ROOT / "verification" / "benchmarks" / "peers"
 REFERENCE = "multigrid"  # Ratios are taken to this code.
 QUANTITIES = {"time_limit": "s", "memory_limit": "GB", "repeat_below": "s"}

@@ -3,16 +3,14 @@
 import copy
 import functools
 import sys
-from pathlib import Path
 
 from calibration.mine_files import given_share
 from common.errors import InputError, InputErrors
 from workflow.calibration_trials import DOUBLED, CalibrationTrials
-from workflow.configuration import load
+from workflow.configuration import BASE, load
 from workflow.strict_yaml import read_yaml
 
-ROOT = Path(__file__).resolve().parents[2]
-FILE = ROOT / "config" / "calibration_truth.yaml"
+FILE = BASE / "config" / "calibration_truth.yaml"
 TERMS = {  # What counts in the calibrations of a case, by the name of the case.
     "potency_and_number": ("potency", "number"),
     "all_terms": ("potency", "number", "places", "sizes"),
@@ -43,7 +41,7 @@ def case_slice(trials: CalibrationTrials, case: str) -> dict:
     try:
         mine = load(text | {"ensemble": 0}, trials.mine_file, trials.mine.default)
     except (InputErrors, InputError) as error:
-        sys.exit(f"{FILE.relative_to(ROOT)}: {case}: {error}")
+        sys.exit(f"{FILE.relative_to(BASE)}: {case}: {error}")
     mine = mine.coarser() if trials.settings.cells == DOUBLED else mine
     run = mine.member(MEMBER)
     return run.run_slices() | {"grid": mine.grid_slice(), "elastic": mine.scene_slice(0)}
