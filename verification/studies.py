@@ -20,7 +20,6 @@ from workflow.configuration import BASE, load
 from workflow.mine import Mine
 from workflow.strict_yaml import read_yaml
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLDER = BASE / "config" / "verification"
 MEASURING = {  # Studies that measure cases of their own, which are targets, too, and the packages of each.
     "tradeoff": "tradeoff",
