@@ -70,7 +70,7 @@ class Job:
         """
         config = config_hash(self.settings)
         before = sorted(made for name in self.inputs for path in self.paths(name) for made in read_made_from(path))
-        parts = [self.stage, config, self.code, *self.files.values(), *before]
+        parts = [self.stage, config, self.code, *sorted(self.files.values()), *before]
         return {
             "config_hash": config,
             "source_hash": self.code,
