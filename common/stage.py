@@ -17,13 +17,19 @@ from common.progress import Progress, log_compilation
 from common.result_folders import notes_on
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
+PARENT = "PARENT_OF_STAGE"  # environment variable: the process that has started the stage
 INTERRUPTED = 130  # what a shell makes of SIGINT
 
 
-def die_with_parent() -> None:
-    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind."""
+def die_with_parent(parent: int | None = None) -> None:
+    """Ask Linux to end this process when its parent does, so that a killed pipeline leaves no stage behind.
+
+    parent: its number, if it is known. If it ended before this call, this process ends now.
+    """
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if parent is not None and parent != os.getppid():
+            os._exit(1)
 
 
 class ToTerminal(logging.Handler):
@@ -73,7 +79,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
 
     does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
-    die_with_parent()
+    die_with_parent(int(os.environ[PARENT]) if PARENT in os.environ else None)
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     whose = name + "".join(f" ({note})" for note in notes_on(name))

@@ -124,7 +124,7 @@ class Folders:
             if before[0] != before[1] or not before[0]:
                 return False
             needed += [*(f"steps/{name}" for name in before[0]), stage]
-        return all(mines[0].mechanics_slice(one) == mines[1].mechanics_slice(one) for one in needed)
+        return all(mines[0].slice_of(one) == mines[1].slice_of(one) for one in needed)
 
     def threads(self, folder: str) -> int:
         """Threads of a stage of the mechanics: all of them, unless the folder's mine is small."""

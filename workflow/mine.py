@@ -215,12 +215,15 @@ class Mine(Plan):
             "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
         }
 
-    def mechanics_slice(self, stage: str) -> dict:
-        """What a stage of the mechanics depends on, besides other stages: "grid", "elastic" or "steps/<step>"."""
-        kind, _, step = stage.partition("/")
-        if kind == "grid":
-            return self.grid_slice()
-        return self.step_slice(step) if step else self.scene_slice(0)
+    def slice_of(self, result: str) -> dict:
+        """What a result depends on, besides other results: "grid", "elastic", "steps/<step>" or "events/<step>"."""
+        kind, _, step = result.partition("/")
+        return {
+            "grid": self.grid_slice,
+            "elastic": lambda: self.scene_slice(0),
+            "steps": lambda: self.step_slice(step),
+            "events": lambda: self.event_slice(step),
+        }[kind]()
 
     def run_slices(self, has_events: bool = True) -> dict:
         """Settings of all stages, for workflow.run_mine.run_stages; has_events: up to the events, else the steps."""

@@ -166,7 +166,7 @@ def test_a_scene_may_be_that_of_a_mine(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"scene_from": "nowhere.yaml"}, "nowhere.yaml: not a readable mine"),
+        ({"scene_from": "nowhere.yaml"}, "nowhere.yaml: not readable"),
         ({"scene_from": "borrowed.yaml", "variants": {}}, "a scene needs variants"),
         ({"scene": {"grid": {"level": 2}}}, "variants.all: .*demo.yaml: grid.level: unknown key"),
     ],

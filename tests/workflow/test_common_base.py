@@ -15,6 +15,7 @@ from common import kernel_cache
 from common.datasets import atomic_path, read_dataset, write_dataset
 from common.errors import InputError
 from common.job import config_hash
+from common.stage import PARENT
 from workflow.terminal import OneLine
 
 
@@ -285,6 +286,17 @@ def test_a_stage_that_takes_long_says_what_it_does_and_where_it_stands(tmp_path)
     assert 1 <= len(between) <= 2
     assert all(line.startswith("elastic tiny: increment 1 of 2 (") for line in between), between
     assert last.endswith(" MiB")
+
+
+def test_a_stage_whose_pipeline_is_gone_does_not_start(tmp_path):
+    """The parent named in the environment ended before the stage could ask to end with it."""
+    with subprocess.Popen([sys.executable, "-c", ""]) as parent:
+        parent.wait()
+    environment = os.environ | {PARENT: str(parent.pid)}
+    script = STAGE.format(body="open(sys.argv[1] + '.made', 'w')")
+    run = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log")], cwd=ROOT, env=environment)
+    assert run.returncode == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 FAILED = "RuleException:\nCalledProcessError in file \"x.smk\", line 3:\nCommand 'stage --output a.nc --log l' "

@@ -1,21 +1,13 @@
 """A whole mine in this process: the same values as from the stages of a pipeline, which write files."""
 
-import doctest
-
 import numpy as np
 import pytest
 import xarray as xr
-from tiny_mines import ROOT
 
 from common.errors import InputErrors
 from workflow import run_mine
 from workflow.cli import arguments
 from workflow.configuration import load_mine
-
-
-def test_the_example_in_its_documentation_runs(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    assert doctest.testmod(run_mine).failed == 0
 
 
 @pytest.mark.slow

@@ -84,7 +84,7 @@ def test_dates_reach_the_events_of_their_step_alone(accept):
     """And what is compared with them. No slice of the mechanics has them, nor have the events of another step."""
     before, after = accept(TINY), accept(TINY, **{"steps.1.end": "2019-09-15"})
     stages = ("grid", "elastic", "steps/history", "steps/2019-08")
-    assert all(before.mechanics_slice(stage) == after.mechanics_slice(stage) for stage in stages)
+    assert all(before.slice_of(stage) == after.slice_of(stage) for stage in stages)
     assert before.event_slice("history") == after.event_slice("history")
     assert before.comparison_slice() != after.comparison_slice()
     assert after.event_slice("2019-08")["end"] == "2019-09-15"

@@ -4,7 +4,8 @@ A study with a known answer is a file of config/verification. The rules of a min
 """
 
 STUDY = "results/verification/{study}"
-VERDICT = "stage verification verdict {rule} --table {input.table} --log {log}"
+# The study is named by the folder of its table.
+VERDICT = "stage verification verdict $(basename $(dirname {input.table})) --table {input.table} --log {log}"
 
 
 rule answer:

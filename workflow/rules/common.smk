@@ -14,6 +14,7 @@ from snakemake.utils import update_config
 from common.errors import InputError
 from workflow.command_line import read_overrides
 from workflow.configuration import load
+from common.stage import PARENT
 from common.result_folders import BASELINES, CALIBRATION, COARSE, PLANS
 from workflow.folders import NAME, Folders
 from workflow.mining_plans import MiningPlans
@@ -56,7 +57,7 @@ RESOURCES = RuleResources(FILES, workflow.resource_settings.cores)  # None on a 
 # `stage` runs a module of ours. It is a child of this process, not of a shell between them, and ends with it
 # (common.stage). What is in BEFORE begins its command line.
 shell.prefix(
-    f"set -euo pipefail; export PYTHONPATH={shlex.quote(str(PACKAGES))}; "
+    f"set -euo pipefail; export {PARENT}=$PPID PYTHONPATH={shlex.quote(str(PACKAGES))}; "
     f'stage() {{{{ exec ${{{{BEFORE:-}}}} {shlex.quote(sys.executable)} -m "$@"; }}}}; '
 )
 RUN = "stage workflow {input.job:q} --output {output:q} --log {log:q} --threads"

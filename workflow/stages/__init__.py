@@ -13,9 +13,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from common.job import Job
-from workflow.mine import Mine
+
+if TYPE_CHECKING:
+    from workflow.mine import Mine  # which a job does not need
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = ("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans")
@@ -29,7 +32,7 @@ IMPORTS = {  # packages that the code of a package uses
     "plans": ("catalogs", "common"),
 }
 
-SettingsOf = Callable[[Mine, Mapping[str, str]], dict]
+SettingsOf = Callable[["Mine", Mapping[str, str]], dict]
 
 
 @dataclass(frozen=True)

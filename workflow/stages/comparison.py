@@ -1,11 +1,15 @@
 """Stages that compare a mine's catalogue with others, and the report."""
 
+from typing import TYPE_CHECKING
+
 from common.job import Job
-from workflow.mine import Mine
 from workflow.stages import stage
 
+if TYPE_CHECKING:
+    from workflow.mine import Mine
 
-def comparison_settings(mine: Mine) -> dict:
+
+def comparison_settings(mine: "Mine") -> dict:
     """Settings of each comparison that a mine has."""
     has_record = mine.settings.record is not None
     return {

@@ -2,10 +2,13 @@
 
 import logging
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 from common.job import Job
-from workflow.mine import Mine
 from workflow.stages import stage
+
+if TYPE_CHECKING:
+    from workflow.mine import Mine
 
 
 @stage("mpm_core", settings=lambda mine, wildcards: mine.grid_slice())
@@ -61,7 +64,7 @@ def _solve(job: Job) -> None:
     write_dataset(dataset, output)
 
 
-def companion_settings(mine: Mine) -> dict:
+def companion_settings(mine: "Mine") -> dict:
     """Settings of all stages of a mine on cells of twice the size, as run_stages takes them."""
     return mine.coarser().run_slices()
 
