@@ -111,7 +111,9 @@ class Mine(Plan):
             "boundary": self.boundary(),
             "surface": settings.frame.surface,
             "insitu_stress": self._insitu_stress(),
-            "materials": {name: material.given() for name, material in settings.materials.items() if name in used},
+            "materials": {
+                name: material.given() for name, material in sorted(settings.materials.items()) if name in used
+            },
             "rock_bodies": [{"material": body.material} for body in settings.rock_bodies],
             "excavations": excavations,
             "loads": loads,
@@ -190,7 +192,7 @@ class Mine(Plan):
 
     def forecast_slice(self) -> dict:
         """What forecast_scores.nc depends on besides the record and the grid. Kept files have no rule that makes them
-        again, so they are known by their content (common.kernel_cache)."""
+        again, so they are known by their content (common.job)."""
         return {
             "mine": self.name,
             "forecasts": [{"file": path} for path in self.forecasts()],

@@ -5,6 +5,7 @@ Snakemake reads the files of --configfile before it reads the Snakefile, and eva
 so once more, for a run with another profile.
 """
 
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -37,7 +38,7 @@ def check_files(paths: list[Path]) -> None:
         read_yaml(path)
 
 
-def read_yaml(path: str | Path) -> dict:
+def read_yaml(path: str | os.PathLike) -> dict:
     """The mapping that a YAML file holds.
 
     Raises InputError, naming file and line, for a file that is not UTF-8 or not YAML, keys that stand twice, aliases

@@ -47,6 +47,7 @@ checkpoint further:
         f"{OWN_LOGS}/{CALIBRATION}/batch_{{batch}}.log",
     wildcard_constraints:
         batch="[1-9][0-9]*",
+    localrule: True
     conda:
         "../envs/environment.yaml"
     threads: 1
@@ -73,6 +74,7 @@ rule calibrate:
         mines=[f"{TRIAL_RESULTS}/{name}.yaml" for name in TRIALS.mine_files],
     log:
         f"{OWN_LOGS}/{CALIBRATION}/fit.log",
+    localrule: True
     conda:
         "../envs/environment.yaml"
     threads: 1

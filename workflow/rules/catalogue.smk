@@ -13,6 +13,7 @@ rule record:
     log:
         f"{LOGS}/record.log",
     priority: 2
+    localrule: True
     conda:
         "../envs/environment.yaml"
     threads: RESOURCES.all_cores  # nothing begins beside it
@@ -75,6 +76,7 @@ rule twin:
         FILES.own("twin.csv"),
     log:
         f"{OWN_LOGS}/twin.log",
+    localrule: True
     conda:
         "../envs/environment.yaml"
     threads: 1

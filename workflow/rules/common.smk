@@ -54,6 +54,8 @@ FILES = ResultFiles(FOLDERS)
 INPUTS = RuleInputs(FOLDERS)
 RESOURCES = RuleResources(FILES, workflow.resource_settings.cores)  # None on a cluster
 
+# Rules with `localrule` take seconds, less than a wait in a cluster's queue: they run where Snakemake runs.
+
 # `stage` runs a module of ours. It is a child of this process, not of a shell between them, and ends with it
 # (common.stage). What is in BEFORE begins its command line.
 shell.prefix(
@@ -65,14 +67,3 @@ RUN = "stage workflow {input.job:q} --output {output:q} --log {log:q} --threads"
 SOLVE, RUN = f"{RUN} {{params.threads}}", f"NUMBA_NUM_THREADS=1 {RUN} {{threads}}"
 # A stage beside others gets what these leave of the cores.
 IN_IDLE_TIME = "chrt --idle 0" if shutil.which("chrt") else "nice -n 19"
-
-
-# On a cluster (profiles/slurm) these run where Snakemake runs: they take seconds, less than a wait in the queue.
-localrules:
-    calibrate,
-    catalogue,
-    comparison,
-    further,
-    record,
-    report_page,
-    twin,

@@ -20,6 +20,7 @@ if FILES.compared:
         log:
             f"{OWN_LOGS}/comparison.log",
         priority: 1  # the longest of what the report waits for
+        localrule: True
         conda:
             "../envs/environment.yaml"
         threads: 1
@@ -69,6 +70,7 @@ rule report_page:
         ),
     log:
         f"{OWN_LOGS}/report_page.log",
+    localrule: True
     conda:
         "../envs/environment.yaml"
     threads: 1
