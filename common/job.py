@@ -12,9 +12,10 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 
 from common.errors import InputError
@@ -22,7 +23,7 @@ from common.errors import InputError
 FOLDER = "jobs"  # below results/<mine>
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
 MADE_FROM = "made_from"
-AS_WRITTEN = {"config", "default"}  # keys of the report's settings: it quotes these, and opens none of their files
+AS_WRITTEN = {"config", "default", "text"}  # keys that quote a mine's file: no file is opened by them
 REMEDY = "jobs stand in results/<mine>/jobs; the next run writes deleted ones again"
 
 
@@ -121,14 +122,13 @@ def read_job(path: str | os.PathLike) -> Job:
     return Job(**values)
 
 
-def stage_of(path: str | os.PathLike) -> str:
-    """Name of the stage that a job's file is of, from its path."""
-    parts = Path(path).parts
-    return parts[len(parts) - parts[::-1].index(FOLDER)] if FOLDER in parts[:-1] else ""
+def stage_of(path: str | os.PathLike, stages: Collection[str]) -> str:
+    """The one of `stages` that a job's file is of, from its path; empty if none. A mine or a step may be named jobs."""
+    return next((name for above, name in pairwise(Path(path).parts) if above == FOLDER and name in stages), "")
 
 
 def remove_earlier(path: str | os.PathLike) -> None:
-    """Remove earlier forms of a job: what they describe is about to be replaced.
+    """Remove other forms of a job that runs: what they describe is replaced.
 
     If their settings come back, they are written again, and then they are newer than the results.
     """

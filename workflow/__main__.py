@@ -19,8 +19,8 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--log", type=Path, help="log file; standard error without it")
     chosen = parser.parse_args()
-    name = stage_of(chosen.job)
-    if name not in stages():
+    name = stage_of(chosen.job, stages())
+    if not name:
         parser.error(f"{chosen.job}: no job of a stage; there are {', '.join(stages())}")
     stage = stages()[name]
 
@@ -29,6 +29,8 @@ def main() -> None:
         job = replace(job, logs=chosen.log.parent if chosen.log else None)
         remove_earlier(chosen.job)
         stage.run(job)
+        # A dry run meanwhile may have written others, which would be older than the results of this one.
+        remove_earlier(chosen.job)
 
     run_stage(f"{name} {chosen.output[0]}", chosen.log, run, stage.about)
 

@@ -1,5 +1,6 @@
 """A job is a file: any settings, named by its content, damaged ones refused, and what it was made from."""
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -16,6 +17,7 @@ from tiny_mines import ROOT, TINY, changed, edited, snakemake, write_mine
 from common.datasets import write_dataset
 from common.errors import InputError
 from common.job import MADE_FROM, Job, config_hash, content_of, files_of, read_job, remove_earlier, stage_of, write_job
+from workflow.__main__ import main
 from workflow.stages import IMPORTS, stages
 
 VALUES = st.recursive(
@@ -47,7 +49,26 @@ def test_a_name_depends_on_the_content_alone_and_earlier_jobs_go_when_one_runs(t
     assert Path(names[1]).is_file()
     remove_earlier(later)
     assert {str(path) for path in tmp_path.rglob("*.json")} == {names[0], names[2], later}
-    assert list(map(stage_of, names)) == ["grid", "step", "step"]
+    assert [stage_of(name, ("grid", "step")) for name in names] == ["grid", "step", "step"]
+
+
+@pytest.mark.parametrize("path", ["results/jobs/jobs/step/jobs/0.json", "results/m/jobs/step/grid/0.json"])
+def test_a_mine_or_a_step_may_be_named_as_the_folder_or_as_a_stage(path):
+    assert stage_of(path, ("grid", "step")) == "step"
+    assert stage_of("results/step/grid.json", ("grid", "step")) == ""
+
+
+def test_a_job_written_while_another_ran_is_written_again(monkeypatch, tmp_path):
+    """By a dry run with other settings. Else it would be older than results that it does not describe."""
+    running = write_job(tmp_path, "grid", "", {"value": 1}, {}, "")
+
+    def run(job: Job) -> None:
+        write_job(tmp_path, "grid", "", {"value": 2}, {}, "")
+
+    monkeypatch.setitem(stages(), "grid", dataclasses.replace(stages()["grid"], run=run))
+    monkeypatch.setattr(sys, "argv", ["workflow", running, "--output", str(tmp_path / "grid.nc")])
+    main()
+    assert [str(path) for path in tmp_path.rglob("*.json")] == [running]
 
 
 @pytest.mark.parametrize("content", [None, "", "{", "[1]"])
