@@ -22,7 +22,6 @@ from calibration.trials import (
     common_cut,
     counted_events,
     covered,
-    extractions,
     gains,
     nothing_fails_before_record,
     outputs,
@@ -33,6 +32,7 @@ from catalogs.compare.exposure import Exposure, common_period
 from catalogs.settings import DatedStep
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events
+from seismic.catalog import extractions
 
 
 @dataclass(frozen=True)

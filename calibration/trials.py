@@ -25,7 +25,6 @@ MIN_DEVIATION = 1.0  # m, along each axis: places are never known better.
 BOX_MARGIN = 3.0  # Deviations by which the box of uniform events is larger than what events take up.
 AXES = 3
 MIN_PAIRS = 2  # Pairs of runs on two sizes of cells that a scatter needs.
-EXTRACTION = "extraction"  # Variable (event,): number of the set that an event is from.
 
 
 @dataclass(frozen=True)
@@ -161,25 +160,6 @@ class CellCorrection:
         for term in (POTENCY, NUMBER):
             shift[trials.columns[term]] += np.log(share)
         return CellCorrection(shift, self.errors)
-
-
-def join_extractions(sets: Sequence[xr.Dataset]) -> xr.Dataset:
-    """One dataset of several sets of events from the rock of one trial, extracted with different settings.
-
-    It has the attributes of the first set, and the potency floors of all.
-    """
-    together = xr.concat(list(sets), dim="event", combine_attrs="override")
-    together[EXTRACTION] = ("event", np.repeat(np.arange(len(sets)), [one.sizes["event"] for one in sets]))
-    return together.assign_attrs(potency_floors=[float(one.attrs["potency_floor"]) for one in sets])
-
-
-def extractions(trial: xr.Dataset) -> list[xr.Dataset]:
-    """The sets of events of a trial, in order, each with its own potency floor."""
-    number = trial[EXTRACTION].values
-    return [
-        trial.isel(event=np.flatnonzero(number == one)).assign_attrs(potency_floor=float(floor))
-        for one, floor in enumerate(np.atleast_1d(trial.attrs["potency_floors"]))
-    ]
 
 
 def common_cut(catalogues: Sequence[xr.Dataset], record: xr.Dataset) -> float:

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,7 @@ SHARED_ATTRIBUTES = (
     *("mine", "kind", "lame_lambda", "shear_modulus", "frame"),
     *("seismic_fraction", "method", "closeness", "least_particles", "cluster"),
 )
+EXTRACTION = "extraction"  # Variable (event,): number of the set that an event is from.
 
 
 def merge(steps: list[xr.Dataset]) -> xr.Dataset:
@@ -68,6 +70,25 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
     if planes:
         catalog[ON_PLANES.name] = (ON_PLANES.dims, on_planes, ON_PLANES.attributes)
     return catalog
+
+
+def join_extractions(sets: Sequence[xr.Dataset]) -> xr.Dataset:
+    """One dataset of several sets of events from the rock of one trial, extracted with different settings.
+
+    It has the attributes of the first set, and the potency floors of all.
+    """
+    together = xr.concat(list(sets), dim="event", combine_attrs="override")
+    together[EXTRACTION] = ("event", np.repeat(np.arange(len(sets)), [one.sizes["event"] for one in sets]))
+    return together.assign_attrs(potency_floors=[float(one.attrs["potency_floor"]) for one in sets])
+
+
+def extractions(trial: xr.Dataset) -> list[xr.Dataset]:
+    """The sets of events of a trial, in order, each with its own potency floor."""
+    number = trial[EXTRACTION].values
+    return [
+        trial.isel(event=np.flatnonzero(number == one)).assign_attrs(potency_floor=float(floor))
+        for one, floor in enumerate(np.atleast_1d(trial.attrs["potency_floors"]))
+    ]
 
 
 def _mean_share(name: str, steps: list[xr.Dataset], budgets: list[dict]) -> float:

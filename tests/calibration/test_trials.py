@@ -17,9 +17,7 @@ from calibration.trials import (
     RecordedOutputs,
     common_cut,
     covered,
-    extractions,
     gains,
-    join_extractions,
     nothing_fails_before_record,
     outputs,
     read_places,
@@ -28,6 +26,7 @@ from calibration.trials import (
 from catalogs.compare.exposure import Exposure
 from catalogs.settings import DatedStep
 from common.errors import InputError
+from seismic.catalog import extractions, join_extractions
 
 STEPS = ["one", "two"]
 

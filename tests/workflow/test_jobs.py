@@ -220,3 +220,15 @@ def test_each_stage_names_packages_that_hold_its_code():
         assert stage.about
         assert len(stage.source_hash()) == 16
     assert stages()["grid"].source_hash() != stages()["events"].source_hash()
+
+
+def test_code_of_the_workflow_that_a_stage_calls_decides_its_hash(monkeypatch):
+    """Of a whole run in one process, for the companion and for a trial; not for a stage that does not call it."""
+    read = Path.read_text
+
+    def edited_text(path: Path, *arguments, **options) -> str:
+        return read(path, *arguments, **options) + ("# edited" if path.name == "run_mine.py" else "")
+
+    before = {name: stage.source_hash() for name, stage in stages().items()}
+    monkeypatch.setattr(Path, "read_text", edited_text)
+    assert {name for name, stage in stages().items() if stage.source_hash() != before[name]} == {"companion", "trial"}

@@ -23,10 +23,10 @@ from calibration.trials import (
     Outputs,
     Places,
     counted_events,
-    extractions,
     gains,
     outputs,
 )
+from seismic.catalog import extractions
 
 COVERAGE = (0.80, 0.97)  # Of 90 % intervals.
 MAX_WIDTH = 0.7  # Over that of the prior, in the coordinate that the record tells best.

@@ -27,7 +27,7 @@ IMPORTS = {  # packages that the code of a package uses
     "mpm_core": ("common",),
     "seismic": ("common",),
     "catalogs": ("common",),
-    "calibration": ("catalogs", "common", "mpm_core", "seismic"),
+    "calibration": ("catalogs", "common", "seismic"),
     "baselines": ("catalogs", "common", "mpm_core"),
     "plans": ("catalogs", "common"),
 }
@@ -43,6 +43,7 @@ class Stage:
     run: Callable[[Job], None]
     settings_of: SettingsOf | None
     packages: tuple[str, ...]
+    modules: tuple[str, ...] = ()
 
     @property
     def about(self) -> str:
@@ -50,25 +51,26 @@ class Stage:
         return (self.run.__doc__ or self.name).strip().splitlines()[0].rstrip(".")
 
     def source_hash(self) -> str:
-        """Hash of the code that the stage runs: its packages, those that these import, and its own module."""
+        """Hash of the code that the stage runs: its packages, those that these import, and its modules."""
         needed = {*self.packages, *(name for package in self.packages for name in IMPORTS[package])}
-        module = ROOT / f"{self.run.__module__.replace('.', '/')}.py"
-        return hashlib.sha256(f"{package_hash(*sorted(needed))} {module.read_text()}".encode()).hexdigest()[:16]
+        modules = [(ROOT / f"{name.replace('.', '/')}.py").read_text() for name in (self.run.__module__, *self.modules)]
+        return hashlib.sha256(" ".join([package_hash(*sorted(needed)), *modules]).encode()).hexdigest()[:16]
 
 
 _STAGES: dict[str, Stage] = {}
 
 
 def stage(
-    *packages: str, settings: SettingsOf | None = None, name: str = ""
+    *packages: str, settings: SettingsOf | None = None, modules: tuple[str, ...] = ()
 ) -> Callable[[Callable[[Job], None]], Callable[[Job], None]]:
-    """Declare a function as the stage of its name, or of `name`.
+    """Declare a function as the stage of its name.
 
-    packages: those whose code it runs. settings: of a stage whose rule gives none of its own.
+    packages: those whose code it runs. settings: of a stage whose rule gives none of its own. modules: of `workflow`
+    that it runs besides its own, by their full names.
     """
 
     def declare(run: Callable[[Job], None]) -> Callable[[Job], None]:
-        made = Stage(name or run.__name__, run, settings, packages)
+        made = Stage(run.__name__, run, settings, packages, modules)
         _STAGES[made.name] = made
         return run
 

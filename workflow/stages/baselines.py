@@ -33,7 +33,7 @@ def _draw(job: Job, runs_of: Callable[..., Sequence]) -> None:
     write_events(join_runs(runs).assign_attrs(job.record()), together)
 
 
-@stage("catalogs")
+@stage("catalogs", modules=("workflow.stages.catalogue",))
 def earlier_record(job: Job) -> None:
     """The recorded catalogue from an earlier date on."""
     from workflow.stages.catalogue import record

@@ -4,13 +4,12 @@ from common.job import Job
 from workflow.stages import stage
 
 
-@stage("mpm_core", "seismic", "calibration")
+@stage("mpm_core", "seismic", modules=("workflow.run_mine",))
 def trial(job: Job) -> None:
     """a run of the mine with other values of the calibrated quantities"""
-    from calibration.trials import join_extractions
     from common.event_table import write_events
     from mpm_core.kernels.threads import use_threads
-    from seismic.catalog import merge
+    from seismic.catalog import join_extractions, merge
     from workflow.run_mine import run_stages
 
     use_threads(job.threads)

@@ -69,7 +69,12 @@ def companion_settings(mine: "Mine") -> dict:
     return mine.coarser().run_slices()
 
 
-@stage("mpm_core", "seismic", settings=lambda mine, wildcards: companion_settings(mine))
+@stage(
+    "mpm_core",
+    "seismic",
+    modules=("workflow.run_mine",),
+    settings=lambda mine, wildcards: companion_settings(mine),
+)
 def companion(job: Job) -> None:
     """The same mine on cells of twice the size: grid, steps, events and catalogue, in one job"""
     from common.datasets import write_dataset
