@@ -87,12 +87,12 @@ class RuleResources:
         grid = self.files.own(f"{ELASTIC_ROCK}/grid.nc")
         return attempt * reading_mb(self.files.mine, grid, "baselines", input.states)
 
-    def reading_memory(self, stage: str) -> Callable[[Wildcards, InputFiles, int], int]:
-        """MB that a stage needs which reads results, for those on the mine's grid."""
+    def reading_memory(self, stage: str, at_once: int = 1) -> Callable[[Wildcards, InputFiles, int], int]:
+        """MB that a stage needs which reads results on the mine's grid, at_once of them at a time."""
 
         def megabytes(wildcards: Wildcards, input: InputFiles, attempt: int) -> int:
             mine, grid = self.files.mine_of(wildcards), self.files.grid_of_any(wildcards)
-            return attempt * reading_mb(mine, grid, stage, input)
+            return attempt * reading_mb(mine, grid, stage, input, at_once)
 
         return megabytes
 
@@ -119,8 +119,10 @@ def mechanics_mb(mine: Mine, grid: str, elastic: bool, share: float = 1.0) -> in
     return round((COMPILING + needed) / MB)
 
 
-def reading_mb(mine: Mine, grid: str, stage: str, results: Iterable[str]) -> int:
+def reading_mb(mine: Mine, grid: str, stage: str, results: Iterable[str], at_once: int = 1) -> int:
     """MB that a stage of BYTES_PER_PARTICLE needs for its `results` on a grid, which may be none of them.
+
+    at_once: how many of the results it holds at the same time.
 
     Raises FileNotFoundError naming one of them while there is no grid: Snakemake knows its own input only.
     """
@@ -131,4 +133,5 @@ def reading_mb(mine: Mine, grid: str, stage: str, results: Iterable[str]) -> int
     cells = max(cells_of(path) for path in (grid, *datasets) if os.path.exists(path))
     particles = cells * mine.settings.grid.particles_per_cell
     libraries = LIBRARIES + (DRAWING if stage == "report" else 0.0)
-    return round((libraries + BYTES_PER_CELL * cells + BYTES_PER_PARTICLE[stage] * particles) / MB)
+    held = max(1, min(at_once, len(datasets)))
+    return round((libraries + held * (BYTES_PER_CELL * cells + BYTES_PER_PARTICLE[stage] * particles)) / MB)

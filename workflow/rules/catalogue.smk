@@ -37,7 +37,7 @@ rule events:
         "../envs/environment.yaml"
     threads: 4
     resources:
-        mem_mb=RESOURCES.reading_memory("events"),
+        mem_mb=RESOURCES.reading_memory("events", at_once=4),  # a state in each process
         runtime=60,
     shell:
         RUN
