@@ -3,11 +3,13 @@
 import sys
 from pathlib import Path
 
+CHOOSES_CORES = ("-c", "--core", "-j", "--job", "-e", "--executor", "--profile")  # beginnings of options
 USAGE = """\
 usage: rockburst-mpm <mine>.yaml [targets] [options of Snakemake]
 
-It runs Snakemake on a mine's file, on all cores unless --cores says otherwise. Results go to the folder `results` of
-the working directory. Targets and options are those of `snakemake`; `snakemake --help` lists the options.
+It runs Snakemake on a mine's file, on all cores unless --cores, --jobs or --profile says otherwise. Results go to the
+folder `results` of the working directory. Targets and options are those of `snakemake`; `snakemake --help` lists the
+options.
 """
 PACKAGE = Path(__file__).resolve().parent
 # In a checkout the Snakefile, config and profiles stand beside the packages, in an installation within this one.
@@ -20,9 +22,7 @@ def arguments(words: list[str]) -> list[str]:
         print(USAGE, end="", file=sys.stderr)
         sys.exit(0 if words[:1] in (["-h"], ["--help"]) else 2)
     mine, *others = words
-    cores = (
-        [] if any(word in ("--cores", "-c") or word.startswith("--cores=") for word in others) else ["--cores", "all"]
-    )
+    cores = [] if any(word.startswith(CHOOSES_CORES) for word in others) else ["--cores", "all"]
     profile = ["--snakefile", str(BASE / "Snakefile"), "--workflow-profile", str(BASE / "profiles/default")]
     return [*others, *cores, *profile, "--configfile", mine]
 

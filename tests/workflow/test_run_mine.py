@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from tiny_mines import snakemake
 
 from common.errors import InputErrors
 from workflow import run_mine
@@ -39,7 +40,17 @@ def test_the_installed_command_hands_a_mine_to_snakemake(capsys):
     assert line[:4] == ["plans", "-n", "--cores", "all"]
     assert line[-2:] == ["--configfile", "mine.yaml"]
     assert arguments(["mine.yaml", "--cores", "2"])[:2] == ["--cores", "2"]
-    assert "all" not in arguments(["mine.yaml", "-c", "2"])
+    for told in (["-c", "2"], ["-c4"], ["-j2"], ["--jobs", "8"], ["--profile", "profiles/site"], ["--core=2"]):
+        assert "all" not in arguments(["mine.yaml", *told]), told
+    assert "all" in arguments(["mine.yaml", "--configfile", "more.yaml"])
     with pytest.raises(SystemExit):
         arguments([])
     assert "usage: rockburst-mpm" in capsys.readouterr().err
+
+
+def test_packages_in_the_working_directory_are_not_run(tiny_file, tmp_path):
+    """Another checkout there, say: jobs say what code they run, and it is ours."""
+    (tmp_path / "workflow").mkdir()
+    (tmp_path / "workflow" / "__init__.py").write_text("raise SystemExit('a package of the working directory')")
+    status, text = snakemake(tiny_file, tmp_path, "results/tiny/record.nc")
+    assert status == 0, text

@@ -58,8 +58,9 @@ RESOURCES = RuleResources(FILES, workflow.resource_settings.cores)  # None on a 
 
 # `stage` runs a module of ours. It is a child of this process, not of a shell between them, and ends with it
 # (common.stage). What is in BEFORE begins its command line.
+# Python looks for packages at PYTHONPATH, not in the working directory: there may be another checkout.
 shell.prefix(
-    f"set -euo pipefail; export {PARENT}=$PPID PYTHONPATH={shlex.quote(str(PACKAGES))}; "
+    f"set -euo pipefail; export {PARENT}=$PPID PYTHONSAFEPATH=1 PYTHONPATH={shlex.quote(str(PACKAGES))}; "
     f'stage() {{{{ exec ${{{{BEFORE:-}}}} {shlex.quote(sys.executable)} -m "$@"; }}}}; '
 )
 RUN = "stage workflow {input.job:q} --output {output:q} --log {log:q} --threads"
