@@ -1,8 +1,7 @@
 """Time and memory of a stage: written into the closing line of its log, and read from there.
 
 Processor time is that of all threads of the process, and of the processes that it started. Wall time varies by a factor
-of several on a busy machine. Snakemake's benchmark files would be those of a program that waits
-(workflow/stage_client.py).
+of several on a busy machine.
 """
 
 import os

@@ -13,6 +13,7 @@ import numpy as np
 from calibration.mine_files import with_values
 from calibration.settings import CalibrationSettings
 from common.errors import InputError, InputErrors
+from common.result_folders import CALIBRATION
 from workflow.configuration import load
 from workflow.mine import Mine
 
@@ -39,7 +40,7 @@ class CalibrationTrials:
     def __init__(self, mine: Mine, mine_file: Path):
         self.mine = mine
         self.mine_file = Path(os.path.relpath(mine_file))
-        self.folder = Path("results", mine.name, "calibration")
+        self.folder = Path("results", mine.name, CALIBRATION)
 
     @functools.cached_property
     def settings(self) -> CalibrationSettings:

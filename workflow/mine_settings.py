@@ -245,8 +245,8 @@ class MineSettings(Settings):
     plans: dict[Name, MiningPlan] = Field(default={})
     """Other mining sequences by name. `snakemake plans` computes them and compares them with that of the mine file."""
     forecasts: Annotated[tuple[str, ...], AsTuple] = ()
-    """Kept forecasts, relative to the mine file: copies of `results/<mine>/plans/<plan>/outcome.nc`, made before their
-    months were recorded. The report scores them once these are recorded."""
+    """Kept forecasts, relative to the mine file: files of `results/<mine>/forecasts`, made before their months were
+    recorded. The report scores them once these are recorded."""
     hazard: HazardSettings = HazardSettings()
     """Classes of sizes, distances and chances that the plans are judged by."""
 
