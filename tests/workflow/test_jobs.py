@@ -18,7 +18,7 @@ from common.datasets import write_dataset
 from common.errors import InputError
 from common.job import MADE_FROM, Job, config_hash, content_of, files_of, read_job, remove_earlier, stage_of, write_job
 from workflow.__main__ import main
-from workflow.stages import IMPORTS, stages
+from workflow.stages import IMPORTS, package_hash, stages
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -222,13 +222,27 @@ def test_each_stage_names_packages_that_hold_its_code():
     assert stages()["grid"].source_hash() != stages()["events"].source_hash()
 
 
-def test_code_of_the_workflow_that_a_stage_calls_decides_its_hash(monkeypatch):
-    """Of a whole run in one process, for the companion and for a trial; not for a stage that does not call it."""
-    read = Path.read_text
+@pytest.mark.parametrize(
+    ("file", "used", "unused"),
+    [
+        ("workflow/run_mine.py", {"companion", "trial"}, {"grid", "step", "events", "report"}),
+        ("seismic/events.py", {"events", "trial", "companion", "calibrate"}, {"grid", "step", "record", "report"}),
+        ("catalogs/records/build.py", {"record", "report", "plans", "earlier_record"}, {"grid", "events", "trial"}),
+        ("mpm_core/stages/grid_stage.py", {"grid", "step", "trial", "companion"}, {"events", "record", "report"}),
+        ("common/errors.py", set(stages()), set()),
+    ],
+)
+def test_an_edit_changes_the_hash_of_the_stages_that_run_the_file(monkeypatch, file, used, unused):
+    """And of no other, so a report that is worded anew does not run the mechanics again."""
+    read = Path.read_bytes
 
-    def edited_text(path: Path, *arguments, **options) -> str:
-        return read(path, *arguments, **options) + ("# edited" if path.name == "run_mine.py" else "")
+    def hashes_now() -> dict[str, str]:
+        package_hash.cache_clear()
+        return {name: stage.source_hash() for name, stage in stages().items()}
 
-    before = {name: stage.source_hash() for name, stage in stages().items()}
-    monkeypatch.setattr(Path, "read_text", edited_text)
-    assert {name for name, stage in stages().items() if stage.source_hash() != before[name]} == {"companion", "trial"}
+    before = hashes_now()
+    monkeypatch.setattr(Path, "read_bytes", lambda path: read(path) + b"# edit" * path.as_posix().endswith(file))
+    changed_now = {name for name, code in hashes_now().items() if code != before[name]}
+    package_hash.cache_clear()
+    assert used <= changed_now
+    assert not unused & changed_now

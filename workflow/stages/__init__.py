@@ -53,8 +53,10 @@ class Stage:
     def source_hash(self) -> str:
         """Hash of the code that the stage runs: its packages, those that these import, and its modules."""
         needed = {*self.packages, *(name for package in self.packages for name in IMPORTS[package])}
-        modules = [(ROOT / f"{name.replace('.', '/')}.py").read_text() for name in (self.run.__module__, *self.modules)]
-        return hashlib.sha256(" ".join([package_hash(*sorted(needed)), *modules]).encode()).hexdigest()[:16]
+        digest = hashlib.sha256(package_hash(*sorted(needed)).encode())
+        for module in (self.run.__module__, *self.modules):
+            digest.update(b"\0" + (ROOT / f"{module.replace('.', '/')}.py").read_bytes())
+        return digest.hexdigest()[:16]
 
 
 _STAGES: dict[str, Stage] = {}
