@@ -21,7 +21,8 @@ from common.errors import InputError
 from verification.made import Made, oldest
 from verification.results import Results, Variant, read_results
 from verification.rows import KNOWN_MISS, PASSES_NOW, VERDICTS, judge, read_rows, write_texts
-from verification.studies import FOLDER, MEASURING, load_study
+from verification.studies import FOLDER, load_study
+from verification.targets import MEASURING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,7 +57,7 @@ def load(name: str) -> MeasuringStudy:
     """A measuring study by its name. Raises InputError if there is none."""
     if name not in MEASURING:
         raise InputError(f"no measuring study '{name}'; there are {', '.join(MEASURING)}")
-    return importlib.import_module(f"verification.{MEASURING[name]}.study").STUDY
+    return importlib.import_module(f"verification.{MEASURING[name].package}.study").STUDY
 
 
 def measure_case(study: str, case: str, inputs: Inputs, threads: int, output: Path) -> None:

@@ -20,7 +20,8 @@ from verification.frame import COST_COLUMNS, COSTS, load
 from verification.made import NUMERICS, ROOT, UNKNOWN, Made, is_older
 from verification.page_tables import LEGEND, TABLE, Columns, Pivot, markdown, rows_table
 from verification.rows import KNOWN_MISS, PASSES_NOW, VERDICTS, parse_known_misses, read_rows
-from verification.studies import FOLDER, MEASURING
+from verification.studies import FOLDER
+from verification.targets import MEASURING
 from workflow.strict_yaml import read_yaml
 
 PAGES = ROOT / "docs" / "studies"

@@ -40,6 +40,12 @@ class Row:
         """A row whose error is |obtained - expected| / |expected|. The expected value must not be zero."""
         return cls(quantity, expected, obtained, abs(obtained - expected) / abs(expected), allowed, remark)
 
+    @classmethod
+    def at_least(cls, quantity: str, obtained: float, least: float, remark: str = "") -> "Row":
+        """A row without theory whose error is what the obtained value lacks of `least`; the remark states `least`."""
+        lacks = 0.0 if obtained >= least else least - obtained  # NaN stays NaN, which does not pass
+        return cls(quantity, math.nan, obtained, lacks, 0.0, _joined(f"At least {least:g}.", remark))
+
     @property
     def passed(self) -> bool | None:
         """Whether the error is finite and allowed; None where the row has no bound."""

@@ -15,20 +15,13 @@ from snakemake.utils import update_config
 
 from common.errors import InputError, InputErrors
 from verification.rows import KnownMiss, parse_known_misses
+from workflow import BASE
 from workflow.checks import PLANNED
-from workflow.configuration import BASE, load
+from workflow.configuration import load
 from workflow.mine import Mine
 from workflow.strict_yaml import read_yaml
 
 FOLDER = BASE / "config" / "verification"
-MEASURING = {  # Studies that measure cases of their own, which are targets, too, and the packages of each.
-    "tradeoff": "tradeoff",
-    "catalog_spread": "spread",
-    "benchmarks": "benchmarks",
-    "stability": "stability",
-    "extremes": "extremes",
-    "calibration_truth": "calibration_truth",
-}
 KEYS = (
     "answer",
     "title",

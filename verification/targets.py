@@ -4,7 +4,8 @@ import functools
 import json
 import os
 import sys
-from dataclasses import asdict
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from snakemake.iocontainers import Wildcards
@@ -13,7 +14,7 @@ from common.errors import InputError
 from verification.benchmarks.settings import Settings, read_settings
 from verification.calibration_truth.settings import TERMS
 from verification.stability import KEYS, SEVERAL_SEEDS
-from verification.studies import MEASURING, Study, load_study
+from verification.studies import Study, load_study
 from workflow.folders import NAME
 from workflow.mine import Mine
 from workflow.result_files import stage_results
@@ -72,8 +73,8 @@ class Studies:
         Ends the run in one line for a scene of a measuring study, whose rows stand in the table of that study.
         """
         answer = self.read(wildcards.study).answer
-        for target, package in MEASURING.items():
-            if answer == package:
+        for target, measuring in MEASURING.items():
+            if answer == measuring.package:
                 sys.exit(f"config/verification/{wildcards.study}.yaml: its rows stand in results/{target}/table.csv")
         return package_hash("verification")
 
@@ -91,8 +92,38 @@ class Studies:
         return files
 
 
+@dataclass(frozen=True)
+class Measuring:
+    """What the rules know of a study that measures cases of its own; they do not load its package.
+
+    package: the package of verification with its STUDY (verification.frame). names: names of its cases, in the order of
+    its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`.
+    """
+
+    package: str
+    names: Callable[["Cases"], list[str]]
+    memory: int = 0
+
+
+MEASURING = {  # By the name of the target.
+    # What each setting buys: speed against accuracy.
+    "tradeoff": Measuring("tradeoff", lambda cases: cases.studies.named("tradeoff_"), memory=6000),
+    # Variances of potency, number, b and the largest event by source; what an ensemble costs and buys. The smallest
+    # scene is the first.
+    "catalog_spread": Measuring("spread", lambda cases: cases.studies.named("spread_")[::-1], memory=4000),
+    # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
+    "benchmarks": Measuring(
+        "benchmarks", lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000
+    ),
+    # The numerics driven until they break, one setting at a time.
+    "stability": Measuring("stability", lambda cases: list(KEYS), memory=2000),
+    # Random mines at the extremes. Its cases are cases of stability, so that none runs for both.
+    "extremes": Measuring("extremes", lambda cases: list(SEVERAL_SEEDS)),
+    # Coverage and widths of a calibration's intervals, twins that come back, records that are flagged, another sampler.
+    "calibration_truth": Measuring("calibration_truth", lambda cases: list(TERMS)),
+}
+BY_RULE_CASE = [target for target, measuring in MEASURING.items() if measuring.memory]
 MEASURED = ("common", "mpm_core", "seismic", "verification", "workflow")  # Packages that a case depends on.
-MEMORY = {"tradeoff": 6000, "catalog_spread": 4000, "stability": 2000, "benchmarks": 21000}  # Of a case, MiB.
 
 
 class Cases:
@@ -114,19 +145,10 @@ class Cases:
 
     def names(self, target: str) -> list[str]:
         """Names of the cases of a target, in the order of its table."""
-        match target:
-            case "tradeoff":
-                return self.studies.named("tradeoff_")
-            case "catalog_spread":
-                return self.studies.named("spread_")[::-1]  # The smallest scene first.
-            case "benchmarks":
-                return [case.name for case in self.benchmarks().cases()]
-            case "calibration_truth":
-                return list(TERMS)
-        return list({"stability": KEYS, "extremes": SEVERAL_SEEDS}[target])
+        return MEASURING[target].names(self)
 
     def files(self, target: str) -> list[str]:
-        """Results of these cases. Those of `extremes` are cases of stability, so that none runs for both."""
+        """Results of these cases."""
         folder = "stability" if target == "extremes" else target
         return [f"results/{folder}/cases/{name}.json" for name in self.names(target)]
 

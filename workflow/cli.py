@@ -1,7 +1,8 @@
 """The command of the installed package: rockburst-mpm <mine>.yaml [targets] [options of Snakemake]."""
 
 import sys
-from pathlib import Path
+
+from workflow import BASE
 
 CHOOSES_CORES = ("-c", "--core", "-j", "--job", "-e", "--executor", "--profile")  # beginnings of options
 USAGE = """\
@@ -11,9 +12,6 @@ It runs Snakemake on a mine's file, on all cores unless --cores, --jobs or --pro
 folder `results` of the working directory. Targets and options are those of `snakemake`; `snakemake --help` lists the
 options.
 """
-PACKAGE = Path(__file__).resolve().parent
-# In a checkout the Snakefile, config and profiles stand beside the packages, in an installation within this one.
-BASE = PACKAGE if (PACKAGE / "profiles").is_dir() else PACKAGE.parent
 
 
 def arguments(words: list[str]) -> list[str]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import MAX_INTEGER, key_of, short
+from workflow import BASE
 from workflow.checks import check_mine
 from workflow.key_order import key_in, parts_of, section_of, sorted_by_place
 from workflow.mine import Mine
@@ -26,8 +27,6 @@ IN_PLACE = {  # of required keys
 }
 LISTS = ("excavations", "rock_bodies", "loads", "strains", "steps")
 MAX_MISTAKES_SHOWN = 20  # more scroll away
-PACKAGE = Path(__file__).resolve().parent
-BASE = PACKAGE if (PACKAGE / "config").is_dir() else PACKAGE.parent  # with config: of an installation, or the checkout
 
 
 def load_mine(mine_file: str | os.PathLike, changes: dict | None = None) -> Mine:

@@ -2,9 +2,8 @@
 
 import functools
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
-from snakemake.io import unpack
 from snakemake.iocontainers import Wildcards
 
 from common.errors import InputError
@@ -30,7 +29,7 @@ class RuleInputs:
         settings: Callable[[Wildcards], dict] | None = None,
         folder: str = "",
         **reads: Given,
-    ):
+    ) -> dict[str, Given]:
         """Inputs of the rule of a stage: `job`, the file that says all that the stage depends on, and what it reads.
 
         part: of a stage with several jobs in a folder, by wildcards ("{step}"). settings: those of a stage that
@@ -39,7 +38,7 @@ class RuleInputs:
         """
 
         @functools.cache
-        def job(wildcards: tuple[tuple[str, str], ...], inputs: tuple[tuple[str, tuple[str, ...]], ...]) -> str:
+        def written(wildcards: tuple[tuple[str, str], ...], inputs: tuple[tuple[str, tuple[str, ...]], ...]) -> str:
             known = dict(wildcards)
             place = folder.format(**known) or known.get("mine", self.own)
             declared = stages()[stage]
@@ -54,12 +53,11 @@ class RuleInputs:
             except InputError as error:
                 sys.exit(str(error))
 
-        def inputs(wildcards: Wildcards) -> Mapping[str, Paths]:
-            found = {name: _filled(given, wildcards) for name, given in reads.items()}
-            listed = tuple((name, tuple(_as_list(paths))) for name, paths in found.items())
-            return {"job": job(tuple(sorted(wildcards.items())), listed), **found}
+        def job(wildcards: Wildcards) -> str:
+            found = ((name, tuple(_as_list(_filled(given, wildcards)))) for name, given in reads.items())
+            return written(tuple(sorted(wildcards.items())), tuple(found))
 
-        return unpack(inputs)
+        return {"job": job, **reads}
 
 
 def _as_list(paths: Paths) -> list[str]:

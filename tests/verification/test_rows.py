@@ -12,6 +12,15 @@ def test_a_row_passes_up_to_its_allowed_error():
     assert Row("closure, m", 2.0, 9.0, 3.5).passed is None
 
 
+def test_a_row_with_a_lower_bound_states_it_where_no_theory_is_expected():
+    """What is lacking is its error; a value that is no number lacks everything."""
+    low, high, none = (Row.at_least("order of convergence", value, 1.9, "of all") for value in (1.5, 2.0, math.nan))
+    assert (low.passed, high.passed, none.passed) == (False, True, False)
+    assert low.error == 1.9 - 1.5
+    assert math.isnan(low.expected)
+    assert low.remark == "At least 1.9. of all"
+
+
 def test_an_error_that_is_no_number_never_passes():
     assert Row("closure, m", 1.0, math.nan, math.nan, allowed=1.0).passed is False
     assert Row("closure, m", 1.0, math.inf, math.inf, allowed=math.inf).passed is False

@@ -6,8 +6,7 @@ import pytest
 import yaml
 from snakemake.iocontainers import Wildcards
 
-from verification.studies import MEASURING
-from verification.targets import Cases, Studies
+from verification.targets import MEASURING, Cases, Studies
 
 ROOT = Path(__file__).parents[2]
 DEFAULT = yaml.safe_load((ROOT / "config/default.yaml").read_text())

@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 import yaml
-from tiny_mines import TINY, changed, edited, merged, snakemake, write_mine
+from tiny_mines import ROOT, TINY, changed, edited, merged, snakemake, write_mine
 
 from workflow.calibration_trials import CalibrationTrials
 from workflow.configuration import load
@@ -95,6 +95,18 @@ def test_further_trials_are_at_the_points_of_their_batch(tmp_path, monkeypatch):
     assert trials.fit_slice(2)["trials"][-1] == {"name": "batch_1_2", "kind": "further", "rows": [[0.75, 0.125]]}
     with pytest.raises(SystemExit, match="no trial batch_3_1"):
         trials.rows("batch_3_1")
+
+
+@pytest.mark.parametrize(
+    ("target", "jobs"),
+    [("calibrate", {"trial": 40, "further": 1}), ("calibration_truth", {"trial": 40, "further": 1, "truth_case": 2})],
+)
+def test_a_dry_run_shows_the_jobs_before_the_points_of_a_batch_are_known(target, jobs, tmp_path):
+    """The inputs of the fit are not known then."""
+    status, text = snakemake(ROOT / "config/mines/demo.yaml", tmp_path, "--dry-run", target)
+    assert status == 0, text
+    found = {name: int(count) for name, _, count in (line.partition(" ") for line in text.splitlines()) if name in jobs}
+    assert found == jobs
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from catalogs.records.times import DATE_PARTS
 from common.errors import InputError
 from common.setting_types import NAME_PATTERN, Unit
 from verification.extremes.bad_input import AGAIN, FAR, FAULTS, UTM
-from verification.studies import MEASURING
+from verification.targets import MEASURING
 from workflow.checks import RESERVED
 from workflow.configuration import load
 from workflow.generate import sections_of

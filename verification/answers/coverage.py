@@ -96,7 +96,7 @@ def _alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
     error = (level * (1.0 - level) / chosen["catalogues"]) ** 0.5
     return Row(
         f"{name} of one process said to differ (p <= {level:g}; error: above {most:g})",
-        level, share, max(0.0, share - most), 2.0 * error,
+        level, share, float(np.maximum(0.0, share - most)), 2.0 * error,
         f"{chosen['catalogues']} pairs, Monte Carlo standard error {error:.4f}",
     )  # fmt: skip
 
@@ -107,12 +107,12 @@ def _rows(one: Found, allowed: dict) -> list[Row]:
     return [
         Row(
             f"{one.name}: coverage of the 95 % interval (error: short of {least:g})",
-            0.95, one.held, max(0.0, least - one.held), 0.0,
+            0.95, one.held, float(np.maximum(0.0, least - one.held)), 0.0,
             f"{one.drawn} catalogues, Monte Carlo standard error {error:.4f}",
         ),
         Row(
             f"{one.name}: share of catalogues with an interval (error: short of {often:g})",
-            1.0, one.given, max(0.0, often - one.given), 0.0,
+            1.0, one.given, float(np.maximum(0.0, often - one.given)), 0.0,
             "the others: no law, no completeness or no event, in words",
         ),
     ]  # fmt: skip

@@ -55,7 +55,7 @@ def variant_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     tensors = np.concatenate([event["potency_tensor"].values for event in events])
     places = np.concatenate([event["location"].values for event in events])
     count = len(tensors)
-    rows = [Row(f"{name}: events of all steps, at least one", 1.0, float(count), 0.0 if count else 1.0, 0.0)]
+    rows = [Row.at_least(f"{name}: events of all steps", float(count), 1.0)]
     if not count:
         return rows
     share = float(share_within(tensors, normal).max())

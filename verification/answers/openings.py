@@ -100,7 +100,7 @@ def doubled(name: str, coarse: np.ndarray, fine: np.ndarray, finest: np.ndarray,
     off = (2.0 * fine - coarse) / finest - 1.0
     told = f"{100 * off.min():+.1f} to {100 * off.max():+.1f} %"
     return [
-        Row(f"{name}, share of scenes within the report's bounds", holds, within, max(holds - within, 0.0), 0.0),
+        Row.at_least(f"{name}, share of scenes within the report's bounds", within, holds),
         vanishing(f"{name} extrapolated, r.m.s. error over the scenes", float(mean_square_root(off)), remark=told),
     ]
 

@@ -6,7 +6,8 @@ from pathlib import Path
 from common.errors import InputError
 from common.quantities import parse_quantity
 from verification.studies import default_settings, merge
-from workflow.configuration import BASE, load
+from workflow import BASE
+from workflow.configuration import load
 from workflow.mine import Mine
 from workflow.strict_yaml import read_yaml
 

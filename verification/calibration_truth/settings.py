@@ -6,8 +6,9 @@ import sys
 
 from calibration.mine_files import given_share
 from common.errors import InputError, InputErrors
+from workflow import BASE
 from workflow.calibration_trials import DOUBLED, CalibrationTrials
-from workflow.configuration import BASE, load
+from workflow.configuration import load
 from workflow.strict_yaml import read_yaml
 
 FILE = BASE / "config" / "calibration_truth.yaml"

@@ -8,7 +8,7 @@ TRUTH = "results/calibration_truth"
 rule truth_record:
     """The catalogue of a record with known values, on the cells of the trials."""
     input:
-        INPUTS.of("trial", "truth_{record}", settings=lambda wildcards: case_slice(TRIALS, wildcards.record)),
+        **INPUTS.of("trial", "truth_{record}", settings=lambda wildcards: case_slice(TRIALS, wildcards.record)),
         cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
     output:
         f"{TRUTH}/records/{{record}}.nc",
@@ -30,7 +30,7 @@ rule truth_case:
     """Claims of calibrations by some of the terms."""
     input:
         # a job of the calibration that knows the truth, too
-        INPUTS.of(
+        **INPUTS.of(
             "calibrate",
             "truth",
             settings=lambda wildcards: TRIALS.fit_slice() | truths(TRIALS),

@@ -64,12 +64,12 @@ rule case:
     log:
         "logs/{target}/cases/{case}.log",
     wildcard_constraints:
-        target="|".join(MEMORY),
+        target="|".join(BY_RULE_CASE),
     conda:
         "../../workflow/envs/environment.yaml"
     threads: CASES.threads
     resources:
-        mem_mb=lambda wildcards: MEMORY[wildcards.target],
+        mem_mb=lambda wildcards: MEASURING[wildcards.target].memory,
         runtime=60,
     params:
         code=package_hash(*MEASURED),
@@ -102,65 +102,21 @@ rule table:
         "stage verification table {wildcards.target} --cases {input} --output {output.table} --log {log}"
 
 
-rule verification:
-    """The verdict on the table of a study: it fails if a row fails that is not a known miss."""
-    input:
-        table="results/verification/table.csv",
-    log:
-        "logs/verification/verdict.log",
-    conda:
-        "../../workflow/envs/environment.yaml"
-    threads: 1
-    resources:
-        mem_mb=1000,
-        runtime=10,
-    shell:
-        VERDICT
+for target in ("verification", *MEASURING):
 
-
-# `verification` is that of all scenes with a known answer. What each setting buys, speed against accuracy:
-use rule verification as tradeoff with:
-    input:
-        table="results/tradeoff/table.csv",
-    log:
-        "logs/tradeoff/verdict.log",
-
-
-# Variances of potency, number, b and the largest event by source; what an ensemble costs and buys.
-use rule verification as catalog_spread with:
-    input:
-        table="results/catalog_spread/table.csv",
-    log:
-        "logs/catalog_spread/verdict.log",
-
-
-# Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
-use rule verification as benchmarks with:
-    input:
-        table="results/benchmarks/table.csv",
-    log:
-        "logs/benchmarks/verdict.log",
-
-
-# The numerics driven until they break, one setting at a time; fails if a run is a fault, or wrong beyond what is known.
-use rule verification as stability with:
-    input:
-        table="results/stability/table.csv",
-    log:
-        "logs/stability/verdict.log",
-
-
-# Random mines at the extremes.
-use rule verification as extremes with:
-    input:
-        table="results/extremes/table.csv",
-    log:
-        "logs/extremes/verdict.log",
-
-
-# Coverage and widths of intervals of a calibration, twins that come back, records that are flagged, another sampler.
-use rule verification as calibration_truth with:
-    input:
-        table="results/calibration_truth/table.csv",
-    log:
-        "logs/calibration_truth/verdict.log",
+    rule:
+        """The verdict on the table of a study: it fails if a row fails that is not a known miss."""
+        name:
+            target
+        input:
+            table=f"results/{target}/table.csv",
+        log:
+            f"logs/{target}/verdict.log",
+        conda:
+            "../../workflow/envs/environment.yaml"
+        threads: 1
+        resources:
+            mem_mb=1000,
+            runtime=10,
+        shell:
+            VERDICT

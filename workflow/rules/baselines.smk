@@ -9,7 +9,7 @@ BASELINE_RESULTS, BASELINE_LOGS = f"results/{MINE.name}/{BASELINES}", f"{OWN_LOG
 rule flaws:
     """Catalogues of seeded flaws that slip in the elastic stress of each step."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "flaws",
             settings=lambda wildcards: BASELINE_PLAN.flaws_slice(),
             states=lambda wildcards: BASELINE_PLAN.states(),
@@ -34,7 +34,7 @@ rule flaws:
 rule excess_shear:
     """Catalogues of events where mining raises excess shear stress."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "excess_shear",
             settings=lambda wildcards: BASELINE_PLAN.excess_shear_slice(),
             states=lambda wildcards: BASELINE_PLAN.states(),
@@ -61,7 +61,7 @@ if MINE.settings.baselines.since is not None:
     rule earlier_record:
         """The record from an earlier date on, for maps and rates of earlier months."""
         input:
-            INPUTS.of("earlier_record", settings=lambda wildcards: BASELINE_PLAN.earlier_record_slice()),
+            **INPUTS.of("earlier_record", settings=lambda wildcards: BASELINE_PLAN.earlier_record_slice()),
         output:
             f"{BASELINE_RESULTS}/record.nc",
         log:
@@ -79,7 +79,7 @@ if MINE.settings.baselines.since is not None:
 rule baselines:
     """The pipeline's own model and both baselines beside the record: a page, and a table of scores."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "baselines",
             settings=lambda wildcards: BASELINE_PLAN.report_slice(),
             flaws=f"{BASELINE_RESULTS}/flaws_runs.nc",

@@ -9,7 +9,7 @@ TRIAL_RESULTS = f"results/{MINE.name}/{CALIBRATION}"
 rule trial:
     """One trial: a run of the mine with other values of the calibrated quantities, as one job."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "trial", "{cells}/{trial}", settings=lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells)
         ),
         cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
@@ -33,7 +33,7 @@ rule trial:
 checkpoint further:
     """Where the trials of a further batch teach most, given all trials before."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "further",
             "{batch}",
             settings=lambda wildcards: TRIALS.fit_slice(int(wildcards.batch)),
@@ -61,7 +61,7 @@ checkpoint further:
 rule calibrate:
     """The posterior of the calibrated quantities, its page, and mine files."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "calibrate",
             settings=lambda wildcards: TRIALS.fit_slice(),
             trials=lambda wildcards: TRIALS.all_trial_files(checkpoints),

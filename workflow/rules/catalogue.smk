@@ -7,7 +7,7 @@ rule record:
     Before the grid and what is solved on it: one that cannot be read ends the run at once.
     """
     input:
-        INPUTS.of("record"),
+        **INPUTS.of("record"),
     output:
         f"{RESULTS}/record.nc",
     log:
@@ -27,7 +27,7 @@ rule record:
 rule events:
     """Seismic events of all steps: rock that fails together, touches and has like mechanisms; and their catalogue."""
     input:
-        INPUTS.of("events", steps=FILES.states),
+        **INPUTS.of("events", steps=FILES.states),
     output:
         directory(f"{RESULTS}/events"),
         f"{RESULTS}/catalog.nc",
@@ -46,7 +46,7 @@ rule events:
 rule catalogue:
     """The synthetic catalogue as a table and as QuakeML 1.2, and sizes of events at other values of closeness."""
     input:
-        INPUTS.of("catalogue", catalog=f"{RESULTS}/catalog.nc", steps=FILES.dated_states),
+        **INPUTS.of("catalogue", catalog=f"{RESULTS}/catalog.nc", steps=FILES.dated_states),
     output:
         table=report(
             f"{RESULTS}/catalog.csv",
@@ -71,7 +71,7 @@ rule catalogue:
 rule twin:
     """A record for a mine that has none: this mine's catalogue with location noise and a completeness cut, as CSV."""
     input:
-        INPUTS.of("twin", catalog=FILES.own("catalog.nc")),
+        **INPUTS.of("twin", catalog=FILES.own("catalog.nc")),
     output:
         FILES.own("twin.csv"),
     log:

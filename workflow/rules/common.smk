@@ -4,14 +4,16 @@ import shlex
 import shutil
 import sys
 
-BASE = Path(workflow.basedir)  # with config: the checkout, or the package `workflow` of an installation
-PACKAGES = BASE if (BASE / "mpm_core").is_dir() else BASE.parent
+# The folder of the packages: the checkout, or in an installation the one above the package `workflow`.
+PACKAGES = Path(workflow.basedir)
+PACKAGES = PACKAGES if (PACKAGES / "mpm_core").is_dir() else PACKAGES.parent
 sys.path.insert(0, str(PACKAGES))
 
 import yaml
 from snakemake.utils import update_config
 
 from common.errors import InputError
+from workflow import BASE
 from workflow.command_line import read_overrides
 from workflow.configuration import load
 from common.stage import PARENT

@@ -5,7 +5,7 @@ if FILES.compared:
     rule comparison:
         """Modelled beside recorded events, beside other runs of the model, and beside the run on larger cells."""
         input:
-            INPUTS.of(
+            **INPUTS.of(
                 "comparison",
                 catalog=FILES.own("catalog.nc"),
                 record=FILES.if_recorded("record.nc"),
@@ -34,7 +34,7 @@ if FILES.compared:
 rule report:
     """The page that a geotechnical engineer reads top to bottom, and its figures."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "report",
             grid=FILES.own("grid.nc"),
             elastic=FILES.own("elastic.nc"),

@@ -4,7 +4,7 @@
 rule grid:
     """Cells, nodes, hanging-node constraints, and the part of each cell inside each excavation."""
     input:
-        INPUTS.of("grid"),
+        **INPUTS.of("grid"),
     output:
         f"{RESULTS}/grid.nc",
     log:
@@ -24,7 +24,7 @@ rule grid:
 rule elastic:
     """Elastic equilibrium of everything mined in history."""
     input:
-        INPUTS.of("elastic", grid=FILES.grid),
+        **INPUTS.of("elastic", grid=FILES.grid),
     output:
         f"{RESULTS}/elastic.nc",
     log:
@@ -44,7 +44,7 @@ rule elastic:
 rule step:
     """Equilibrium of rock that fails after one mining step, from the state of the step before."""
     input:
-        INPUTS.of("step", "{step}", grid=FILES.grid, state=FILES.previous_state),
+        **INPUTS.of("step", "{step}", grid=FILES.grid, state=FILES.previous_state),
     output:
         f"{RESULTS}/steps/{{step}}.nc",
     log:
@@ -65,7 +65,7 @@ rule step:
 rule companion:
     """The same mine on cells of twice the size, all stages in one job; it gets what other jobs leave of the cores."""
     input:
-        INPUTS.of("companion"),
+        **INPUTS.of("companion"),
         cells=ancient(FILES.grid),  # for the job's memory alone
     output:
         f"{RESULTS}/{COARSE}/grid.nc",

@@ -12,7 +12,7 @@ rule plan_outcome:
     The stage also lays a copy into results/<mine>/forecasts, by date: a forecast cannot be made again.
     """
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "plan_outcome",
             "{plan}",
             settings=lambda wildcards: OUTCOMES.outcome_slice(wildcards.plan),
@@ -40,7 +40,7 @@ rule plan_outcome:
 rule plans:
     """All plans side by side: a page, and a table."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "plans",
             settings=lambda wildcards: OUTCOMES.report_slice(),
             outcomes=lambda wildcards: OUTCOMES.outcomes(),

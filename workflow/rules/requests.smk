@@ -7,7 +7,7 @@ rule scene:
     Cells are those of the first step; cells that follow the rock are split in the steps.
     """
     input:
-        INPUTS.of("scene", grid=FILES.own("grid.nc"), record=FILES.if_recorded("record.nc")),
+        **INPUTS.of("scene", grid=FILES.own("grid.nc"), record=FILES.if_recorded("record.nc")),
     output:
         FILES.own("scene.png"),
     log:
@@ -25,7 +25,7 @@ rule scene:
 rule vtk:
     """A stage for ParaView, on request: results/<mine>/vtk/elastic.vtu or vtk/steps/<step>.vtu."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "vtk",
             "{stage}",
             settings=lambda wildcards: {"state": f"results/{wildcards.mine}/{wildcards.stage}.nc"},
@@ -53,7 +53,7 @@ rule vtk:
 rule vtk_events:
     """Events for ParaView, on request: vtk/catalog.vtu, vtk/record.vtu or vtk/events/<step>.vtu."""
     input:
-        INPUTS.of(
+        **INPUTS.of(
             "vtk_events",
             "{catalog}",
             settings=lambda wildcards: {"events": f"results/{wildcards.mine}/{wildcards.catalog}.nc"},
@@ -80,7 +80,7 @@ rule vtk_events:
 rule vtk_solids:
     """Excavations and rock bodies for ParaView, on request: vtk/solids.vtm names the files of its folder."""
     input:
-        INPUTS.of("vtk_solids"),
+        **INPUTS.of("vtk_solids"),
     output:
         names=f"{RESULTS}/vtk/solids.vtm",
         surfaces=directory(f"{RESULTS}/vtk/solids"),

@@ -173,7 +173,7 @@ def order_rows(discs: list[PressedDisc], allowed: dict) -> list[Row]:
         f"{', '.join(f'{100 * load:+.2f}' for load in loads)} %"
     )
     quantity = f"order of convergence of in-plane stress, h {MILLI * sizes[0]:g} to {MILLI * sizes[-1]:g} mm"
-    return [Row(quantity, allowed["order"], order, max(0.0, allowed["order"] - order), 0.0, remark)]
+    return [Row.at_least(quantity, order, allowed["order"], remark)]
 
 
 def together_rows(crack: Crack | None, settings: dict) -> list[Row]:

@@ -17,7 +17,7 @@ from verification.answers.invariants.operator import (
     rigid_motions,
     solve_smooth,
 )
-from verification.comparisons import vanishing
+from verification.comparisons import reported, vanishing
 from verification.plots import plot_convergence, plot_errors, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
@@ -238,8 +238,9 @@ def order_rows(kind: str, solved: list[Solved], least: float) -> list[Row]:
         )
         cells = f"finest cells {solved[0].cell:g} to {solved[-1].cell:g} m"
         quantity = f"{kind}: order of convergence of {quantity}, least of all halvings, {cells}"
-        wanted, bound = required or 1.0, None if required is None else 0.0
-        rows.append(Row(quantity, wanted, worst, max(0.0, wanted - worst), bound, remark))
+        rows.append(
+            reported(quantity, worst, remark) if required is None else Row.at_least(quantity, worst, required, remark)
+        )
     return rows
 
 

@@ -219,7 +219,7 @@ def order_rows(series: dict[str, list[Point]], least: float, distance: float) ->
                 f"r.m.s. errors {', '.join(f'{100 * error:.2f}' for error in errors)} %; halving by halving {halvings}"
             )
             quantity = f"{method}: order of convergence, {what}, {span}"
-            rows.append(Row(quantity, least, found, max(0.0, least - found), 0.0, remark))
+            rows.append(Row.at_least(quantity, found, least, remark))
         means = [point.mean_closure for point in points]
         remark = f"{', '.join(f'{100 * mean:+.2f}' for mean in means)} % from coarse to fine"
         quantity = f"{method}: mean closure over the exact one, h = {points[-1].cell:g} m"

@@ -99,7 +99,7 @@ def location_rows(alarms: dict[str, float], power: Power, settings: dict, allowe
         *rows,
         Row(
             f"{what}: share found (error: short of {shift['power']:g})",
-            shift["power"], power.found, max(0.0, shift["power"] - power.found), 2.0 * chance,
+            shift["power"], power.found, float(np.maximum(0.0, shift["power"] - power.found)), 2.0 * chance,
             f"judged as {shift['power']:g} within two Monte Carlo standard errors ({chance:.4f} each, {power.pairs} "
             f"pairs); Hotelling's test, the best for a shift, finds {power.best:.3f}, of these {power.hotelling:.3f}",
         ),
@@ -151,7 +151,8 @@ def step_rows(settings: dict, seed: int, allowed: dict) -> list[Row]:
             vanishing(f"{what}, one process: mean energy distance (m)", energy, allowed["energy"]),
             Row(
                 f"{what}, shift of {chosen['metres']:g} m: share found (error: short of {chosen['power']:g})",
-                chosen["power"], power, max(0.0, chosen["power"] - power), 0.0, f"{chosen['shifted_pairs']} pairs",
+                chosen["power"], power, float(np.maximum(0.0, chosen["power"] - power)), 0.0,
+                f"{chosen['shifted_pairs']} pairs",
             ),
         ]  # fmt: skip
     return rows
