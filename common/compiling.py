@@ -1,4 +1,4 @@
-"""Kernels compile in less time: what numba does more than once, or for uses that this project has none of, is left out.
+"""Parallel loops are optimised and made into machine code once, as parts of their kernel.
 
 The compiled kernels calculate the same. Numba makes a parallel loop into four libraries, each linked into the next: the
 loop's body, two wrappers, and the kernel. Each one is optimised as a whole and made into machine code, although only
@@ -6,7 +6,6 @@ that of the kernel is run.
 """
 
 import functools
-import gc
 from types import ModuleType
 
 from common.importing import when_imported
@@ -15,24 +14,14 @@ from common.importing import when_imported
 PARTS_OF_LOOPS = ("__numba_parfor_gufunc", "<numba.np.ufunc.wrappers._GufuncWrapper", "parallelgufuncwrapper")
 
 
-def compile_less() -> None:
+def compile_loops_once() -> None:
     """Change numba, as it is imported. Nothing else has to be called."""
-    when_imported("numba.core.compiler", _without_callbacks)
-    when_imported("numba.core.codegen", _without_code_of_parts)
-    when_imported("numba.core.codegen", _without_bitcode_of_stored)
-    when_imported("numba.parfors.parfor_lowering", _without_called_bodies)
-    when_imported("numba.core.dispatcher", _without_collections)
-    when_imported("numba.core.caching", _without_registries)
+    when_imported("numba.core.codegen", _link_parts)
+    when_imported("numba.parfors.parfor_lowering", _leave_bodies_to_kernels)
 
 
 @functools.cache  # once
-def _without_callbacks(compiler: ModuleType) -> None:
-    """No kernel is handed to C as a callback unless it is declared as one (numba.cfunc), so none is wrapped for it."""
-    compiler.Flags.options["no_cfunc_wrapper"]._default = True
-
-
-@functools.cache
-def _without_code_of_parts(codegen: ModuleType) -> None:
+def _link_parts(codegen: ModuleType) -> None:
     """Parts of loops are linked as they are: their kernel is optimised, and only that is made into machine code."""
     library = codegen.CPUCodeLibrary
     optimize, make_usable = library._optimize_final_module, library._finalize_final_module
@@ -52,46 +41,7 @@ def _without_code_of_parts(codegen: ModuleType) -> None:
 
 
 @functools.cache
-def _without_bitcode_of_stored(codegen: ModuleType) -> None:
-    """A stored kernel runs from its machine code. Its bitcode is parsed where it is linked into another kernel.
-
-    Until then numba does not know the names of its functions: the engine is asked for them by name.
-    """
-    library = codegen.CPUCodeLibrary
-    unserialize, module_for_linking = library._unserialize.__func__, library._get_module_for_linking
-    pointer = codegen.JITCodeLibrary.get_pointer_to_function
-
-    def unserialize_machine_code(cls, codegen, state):
-        name, kind, data = state
-        if kind != "object":
-            return unserialize(cls, codegen, state)
-        self = codegen.create_library(name)
-        machine_code, self.stored_bitcode = data
-        self.enable_object_caching()
-        self._set_compiled_object(machine_code)
-        self._finalize_final_module()
-        return self
-
-    def parsed_module(self):
-        bitcode = vars(self).pop("stored_bitcode", None)
-        if bitcode is not None:
-            self._shared_module = codegen.ll.parse_bitcode(bitcode)
-            self._codegen._engine._load_defined_symbols(self._shared_module)
-        return module_for_linking(self)
-
-    def pointer_in_machine_code(self, name):
-        if "stored_bitcode" in vars(self):
-            self._ensure_finalized()
-            return self._codegen._engine._ee.get_function_address(name)
-        return pointer(self, name)
-
-    library._unserialize = classmethod(unserialize_machine_code)
-    codegen.JITCodeLibrary.get_pointer_to_function = pointer_in_machine_code
-    library._get_module_for_linking = parsed_module
-
-
-@functools.cache
-def _without_called_bodies(lowering: ModuleType) -> None:
+def _leave_bodies_to_kernels(lowering: ModuleType) -> None:
     """Nothing but its kernel calls the body of a loop: it needs no address, and no wrapper for Python."""
     create = lowering._create_gufunc_for_parfor_body
 
@@ -100,41 +50,3 @@ def _without_called_bodies(lowering: ModuleType) -> None:
         return create(lowerer, parfor, typemap, typingctx, targetctx, flags, *arguments, **options)
 
     lowering._create_gufunc_for_parfor_body = create_uncalled  # type: ignore[attr-defined]
-
-
-@functools.cache
-def _without_collections(dispatcher: ModuleType) -> None:
-    """The garbage collector waits for each kernel's end: it would search the compiler's growing data over and over."""
-    from numba.core import event
-
-    class Kernels(event.Listener):
-        depth, collecting = 0, True
-
-        def on_start(self, event) -> None:  # under the compiler's lock: one thread at a time
-            if self.depth == 0:
-                self.collecting = gc.isenabled()
-                gc.disable()
-            self.depth += 1
-
-        def on_end(self, event) -> None:
-            self.depth -= 1
-            if self.depth == 0 and self.collecting:
-                gc.enable()
-
-    event.register("numba:compile", Kernels())
-
-
-@functools.cache
-def _without_registries(caching: ModuleType) -> None:
-    """A kernel is read from its file without what numba compiles others with: that is loaded as the first one compiles.
-
-    Its machine code needs numba's own memory of arrays alone.
-    """
-    from numba.core.runtime import rtsys
-
-    def load_overload(self, sig, target_context):
-        rtsys.initialize(target_context)
-        with self._guard_against_spurious_io_errors():
-            return self._load_overload(sig, target_context)
-
-    caching.Cache.load_overload = load_overload
