@@ -10,30 +10,42 @@ from pathlib import Path
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from common.costs import cost_of
-from common.result_folders import BASELINES, CALIBRATION, COARSE, DRAWN_ROCK, ELASTIC_ROCK, ENSEMBLE, PLANS
+from common.result_folders import COARSE, ELASTIC_ROCK, ENSEMBLE
 
-# Folders of the runs whose stages are jobs of their own: in elastic rock, members of an ensemble.
-RUNS_IN_ONE_ROW = re.compile(rf"({ELASTIC_ROCK}|{ENSEMBLE}/(\d+))/")
-MADE_BY = {  # stage, named as its log is, and the dataset without which it belongs to an earlier plan
-    "catalogue": "catalog",
-    "record": "record",
-    COARSE: "grid_convergence",
+# Logs of the stages of a run, without ending. Stages of a run in elastic rock and of members of an ensemble are jobs of
+# their own. Other logs are of what has a page of its own, or of an earlier version.
+STAGE = re.compile(
+    rf"(?:(?P<run>{ELASTIC_ROCK}|{ENSEMBLE}/(?P<member>\d+))/)?"
+    rf"(?:grid|elastic|(?:vtk/)?steps/(?P<step>[^/]+)|record|twin|events|catalogue|comparison|scene|vtk/[^/]+|{COARSE})"
+)
+MADE_BY = {  # stage, and the datasets without all of which its log is of an earlier configuration
+    "events": ("events",),
+    "catalogue": ("catalog",),
+    "record": ("record",),
+    "comparison": ("comparison", "spread", "grid_convergence", "forecast_scores"),
+    COARSE: ("grid_convergence",),
 }
-OTHER_PAGES = (BASELINES, CALIBRATION, DRAWN_ROCK, PLANS)  # folders of what has a page of its own
 
 
 def section(evidence: Evidence, _: Gallery) -> list[dict]:
     """What the template shows."""
-    absent = {stage for stage, name in MADE_BY.items() if getattr(evidence, name) is None}
+    absent = {stage for stage, names in MADE_BY.items() if not any(_is_there(evidence, name) for name in names)}
     members = 0 if evidence.spread is None else int(evidence.spread.attrs["members"])
     return read_resources(evidence.logs, {str(step["step"]) for step in evidence.steps}, absent, members)
+
+
+def _is_there(evidence: Evidence, name: str) -> bool:
+    """Whether the report was given a dataset, or any of several."""
+    given = getattr(evidence, name)
+    return given is not None and given != []
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
     """What each stage cost, from the logs of stages below a folder: columns as in `common.costs`.
 
-    Logs of earlier plans are left out: of other steps than these, of `absent` stages, of members beyond so many. Each
-    member of an ensemble is one row: the sum of its times, the largest of its peaks.
+    Logs of earlier configurations are left out: of other steps than these, of `absent` stages, of members beyond so
+    many. So are logs of an earlier version. Each member of an ensemble is one row: the sum of its times, the largest of
+    its peaks.
     """
     if logs is None or not Path(logs).is_dir():
         return []
@@ -43,16 +55,14 @@ def read_resources(logs, steps: set[str], absent: set[str], members: int) -> lis
         if (cost := cost_of(path)) is None:  # of a stage that is under way: this one
             continue
         stage = path.relative_to(logs).with_suffix("").as_posix()
-        *folders, last = stage.split("/")
-        if folders and folders[0] in OTHER_PAGES:
+        found = STAGE.fullmatch(stage)
+        if found is None or stage in absent or (found["step"] and found["step"] not in steps):
             continue
-        if {stage, *folders} & absent or ("steps" in folders and last not in steps):
+        member = int(found["member"] or 0)
+        if member > members:
             continue
-        part = RUNS_IN_ONE_ROW.match(stage)
-        if part and int(part[2] or 0) > members:
-            continue
-        if part:
-            parts.setdefault((int(part[2] or 0), part[1]), []).append(asdict(cost))
+        if found["run"]:
+            parts.setdefault((member, found["run"]), []).append(asdict(cost))
         else:
             name = "coarse, all stages" if stage == COARSE else stage
             rows.append({"stage": name, **asdict(cost)})
