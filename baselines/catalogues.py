@@ -27,7 +27,7 @@ from common.source_tensors import moment_from_potency, scalar_potency
 
 RUNS = 10  # Catalogues that each baseline draws at random: one that stands for it, and the others for its chance.
 RUN = "run"  # variable that tells the runs of one file apart
-MAX_SEEDS = 1_000_000  # Flaws of one run: their slips take some minutes and 1 GB of memory at most.
+MAX_SEEDS = 1_000_000  # Flaws of one run. Time and memory of their slips grow with it.
 # Number of flaws per volume times their mean cubed radius. With more, all that a slip reaches overlaps.
 MAX_CRACK_DENSITY = 30.0
 BALL_OF_DISC = np.sqrt(5.0 / 6.0)  # Radius of the uniform ball as spread out as a disc, over that of the disc.

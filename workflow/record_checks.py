@@ -80,7 +80,7 @@ def check_frame(mine: Mine, _: Mistakes) -> None:
                 "point of that latitude and longitude. For eastings and northings of a map give crs instead (EPSG code)"
             )
         return
-    from catalogs.sources.geographic_frame import MineFrame  # takes a fifth of a second
+    from catalogs.sources.geographic_frame import MineFrame  # slow to import
 
     system = MineFrame(frame)
     latitude, longitude = system.to_globe(np.array([[*corner, 0.0] for corner in corners]))[:2]

@@ -19,7 +19,7 @@ MAX_NESTING = 30  # levels; far above those of a mine
 MAX_KEY_CHARACTERS = 120  # A row of a study, which `known_misses` names, is the longest key of our own files.
 MAX_ALIASED_VALUES = 100_000  # values that aliases stand for; ours have none
 TEMPLATE = "__use_yte__"
-# libyaml is ten times as fast, and takes some tabs, controls and odd scalars that Snakemake's own reader ends on with a
+# libyaml is faster, but takes some tabs, controls and odd scalars that Snakemake's own reader ends on with a
 # traceback: it reads what has none of them, as nearly every mine file.
 FAST_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 PLAIN = re.compile(r"""[A-Za-z0-9 \n_.,:;+/()\[\]{}#'"^=<>&*|~`\-°²³µ·]*""")

@@ -95,7 +95,7 @@ def _increments(evidence: Evidence) -> Source:
     code = f"solver.increments: {2 * count}" if count else "solver.max_overshoot"
     code += f": {overshoot / 2:g}" if not count and np.isfinite(overshoot) else ""
     advice = Advice("Mine in smaller increments:", code)
-    patches = f"; {percent(at_once)} of the potency is in events that their size shapes"
+    patches = f"; {percent(at_once)} of the potency is in events whose extent depends on the size of the increments"
     patches = patches if at_once > MAX_AT_ONCE_SHARE else ""
     if not np.isfinite(share):
         return Source("Increments of mining", np.nan, f"not known of this scheme{patches}", advice)

@@ -209,7 +209,7 @@ def cut_out(
     copy_to_subdomain(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0
     failed_before[np.searchsorted(indices, fresh)] = False
-    logging.info("in a part of %d cells", len(cells))
+    logging.info("in a subdomain of %d cells", len(cells))
     return Subdomain(
         own_model,
         own,

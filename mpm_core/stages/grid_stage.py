@@ -35,7 +35,7 @@ MIN_WHOLE_CELL_SHARE = 0.3
 MIN_WHOLE_CELL_SHARE_ACCEPTED = 0.05
 BOX_ROUND_OFF = 1e-9  # Round-off of a solid's bounding box, as a share of its size.
 MAX_EXCAVATIONS_LISTED = 5  # Excavations that one message lists.
-CELLS_PER_CHUNK = 2048  # The points of distorted cells take some 50 kB each, and are held for this many cells.
+CELLS_PER_CHUNK = 2048  # Distorted cells whose points are held at once.
 
 
 def whole_shares(parts: FinestPieces, shape: np.ndarray, later: np.ndarray) -> np.ndarray:

@@ -319,7 +319,7 @@ def test_too_few_members_measure_no_chance(known):
 def test_events_that_increments_shape_are_named(known):
     catalog = known.catalog.assign_attrs(at_once_share=0.3)
     assert (
-        "30 % of the potency is in events that their size shapes"
+        "30 % of the potency is in events whose extent depends on the size of the increments"
         in by_name(replace(known, catalog=catalog))["Increments of mining"].text
     )
     assert "shapes" not in by_name(known)["Increments of mining"].text

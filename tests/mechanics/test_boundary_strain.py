@@ -26,7 +26,6 @@ from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.model.occupancy import FinestPieces
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
-AXES = {"xz": [0, 2], "xy": [0, 1], None: [0, 1, 2]}
 IN_PLANE = {"xz": [0, 2, 4], "xy": [0, 1, 5], None: range(6)}
 ROLLERS = dict.fromkeys(("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper"), "roller")
 

@@ -10,8 +10,6 @@ from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
 from tests.mechanics.scenes import HOST, ball, box, excavation, grid_around, make_model, make_scene, uniform
 
-SOFT = {"model": "elastic", "youngs_modulus": 1e9, "poisson_ratio": 0.4, "density": 1750.0}
-
 
 def scene_with_everything(dimension: int, points: int, cut_cells: str, boundary="fixed", host=HOST):
     """A filled and an empty excavation in a multi-level grid whose base has odd sides; (model, volume)."""

@@ -192,7 +192,7 @@ def test_failure_spreads_alike_with_and_without_parts(dimension, monkeypatch, tm
         monkeypatch.setattr(subdomain, "MAX_SURROUNDINGS_SHARE", largest)
         caplog.clear()
         _, facts = mining_step(scene, grid, elastic, tmp_path / "state.npz")
-        assert ("in a part of" in caplog.text) == (largest > 0.0)
+        assert ("in a subdomain of" in caplog.text) == (largest > 0.0)
         assert facts["unbalanced_ratio"] <= 1e-6
         volumes.append(facts["failed_volume"])
     assert volumes[0] == pytest.approx(volumes[1], rel=0.02)

@@ -163,7 +163,6 @@ def test_the_domain_follows_from_every_outline_of_a_layer(accept, tmp_path):
     np.testing.assert_allclose(corners(drawn), corners(accept(free(TINY, excavations=boxes, steps=[]))))
 
 
-WEDGE = [["20 m", "30 m"], ["60 m", "50 m"], ["18 m", "34 m"]]
 SHAPES = [
     {"shape": "sphere", "center": ["40 m", "40 m", "40 m"], "radius": "5 m"},
     {"shape": "cylinder", "start": ["40 m", "40 m", "40 m"], "end": ["40 m", "40 m", "60 m"], "radius": "2 m"},

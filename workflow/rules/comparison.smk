@@ -52,7 +52,7 @@ rule report:
         f"{OWN_LOGS}/report.log",
     conda:
         "../envs/environment.yaml"
-    threads: 4  # The longest section takes about a quarter of the time of all.
+    threads: 4  # More would wait for the longest section.
     resources:
         mem_mb=RESOURCES.reading_memory("report"),
         runtime=60,
