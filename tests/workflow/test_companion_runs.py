@@ -61,14 +61,20 @@ def test_the_companion_leaves_out_what_is_too_small_for_its_cells(accept, caplog
 
 @pytest.mark.slow
 def test_a_companion_runs_beside_what_stands(spoiled, base):
-    """Its grid, states, events of dated steps. Nothing of the mine is made again, nor anything at a second call."""
+    """Its grid, states, events of dated steps, in the time that other jobs leave. Nothing of the mine is made again.
+
+    Nor is anything at a second call.
+    """
     results = spoiled / "results/tiny"
     before = hashes(results)
     with edited(base / "files" / "tiny.yaml", changed(TINY, grid_convergence=True)) as file:
         status, text = snakemake(file, spoiled)
         again = snakemake(file, spoiled, "--dry-run")
         packed = snakemake(file, spoiled, "--report", str(spoiled / "packed.html"))
+        commands = snakemake(file, spoiled, "--detailed-summary")[1].splitlines()
     assert status == 0, text
+    idle = re.compile("BEFORE='(chrt --idle 0|nice -n 19)'")
+    assert {line.split("\t")[2] for line in commands if idle.search(line)} == {"companion"}
     assert packed[0] == 0, packed[1]
     labels = re.findall(r'"labels": ({[^}]*})', (spoiled / "packed.html").read_text(encoding="utf-8"))
     names = ["catalogue", "report"]
