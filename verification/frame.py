@@ -81,7 +81,9 @@ def write_tables(study: str, cases: list[str], table: Path) -> None:
 
     measuring = load(study)
     results, made = read_cases(cases)
-    for name, rows in measuring.tables(results).items():
+    tables = measuring.tables(results)
+    assert set(tables) == {table.stem, *MEASURING[study].tables}, "the rule has each of them as an output"
+    for name, rows in tables.items():
         with atomic_path(table.with_stem(name)) as temporary:
             rows.to_csv(temporary, index=False, float_format="%.6g")
     with style.applied():
@@ -156,8 +158,9 @@ def give_verdict(study: str, table: Path) -> None:
     if failing:
         columns = ("scene", "quantity") if study == VERIFICATION else load(study).names
         named = [": ".join(row[column] for column in columns) for row in failing]
-        for name in named:
-            logging.error("%s fails", name)
+        for name, row in zip(named, failing, strict=True):
+            said = ", ".join(f"{column} {row[column]}" for column in ("error", "message") if row.get(column))
+            logging.error("%s fails%s", name, f": {said}" if said else "")
         first = "; ".join(named[:MAX_NAMED]) + ("; ..." if len(named) > MAX_NAMED else "")
         raise InputError(f"{len(failing)} of {len(rows)} rows fail{beside} ({first}); see {table}")
     is_judged = any("passed" in row for row in rows)

@@ -20,7 +20,8 @@ class Variant:
     """One run of the scene.
 
     read: gives a dataset by its path below the variant's folder ("steps/load_1.nc"). costs: gives what a stage
-    ("elastic", "steps/load_1") took; None where it left no log. kept: datasets that were read.
+    ("elastic", "steps/load_1", "events", "ensemble/1/events") took; None where it left no log. kept: datasets that
+    were read.
     """
 
     mine: Mine

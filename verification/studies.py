@@ -51,7 +51,6 @@ class Study:
     name: str
     answer: str
     title: str
-    about: str
     on_request: bool
     threads: int
     events: bool
@@ -114,7 +113,6 @@ def load_study(path: str | os.PathLike, default: dict | None = None) -> Study:
         name=path.stem,
         answer=text["answer"],
         title=text["title"],
-        about=" ".join(text.get("about", "").split()),
         on_request=bool(text.get("on_request", False)),
         threads=int(text.get("threads", 64)),
         events=bool(text.get("events", False)),

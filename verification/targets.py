@@ -76,7 +76,7 @@ class Studies:
         for target, measuring in MEASURING.items():
             if answer == measuring.package:
                 sys.exit(f"config/verification/{wildcards.study}.yaml: its rows stand in results/{target}/table.csv")
-        return package_hash("verification")
+        return package_hash(*MODEL, "verification")
 
     def results(self, wildcards: Wildcards) -> list[str]:
         """Results of all stages of all variants of a study."""
@@ -97,33 +97,54 @@ class Measuring:
     """What the rules know of a study that measures cases of its own; they do not load its package.
 
     package: the package of verification with its STUDY (verification.frame). names: names of its cases, in the order of
-    its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`.
+    its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`. uses: parts of verification that
+    a case runs beside its package and SHARED. tables: names of the tables that it writes beside "table".
     """
 
     package: str
     names: Callable[["Cases"], list[str]]
     memory: int = 0
+    uses: tuple[str, ...] = ()
+    tables: tuple[str, ...] = ()
 
 
 MEASURING = {  # By the name of the target.
     # What each setting buys: speed against accuracy.
-    "tradeoff": Measuring("tradeoff", lambda cases: cases.studies.named("tradeoff_"), memory=6000),
+    "tradeoff": Measuring(
+        "tradeoff",
+        lambda cases: cases.studies.named("tradeoff_"),
+        memory=6000,
+        uses=("answers/kirsch", "answers/sphere.py", "cavities"),
+        tables=("prices", "truths"),
+    ),
     # Variances of potency, number, b and the largest event by source; what an ensemble costs and buys. The smallest
     # scene is the first.
-    "catalog_spread": Measuring("spread", lambda cases: cases.studies.named("spread_")[::-1], memory=4000),
+    "catalog_spread": Measuring(
+        "spread", lambda cases: cases.studies.named("spread_")[::-1], memory=4000, uses=("tradeoff",)
+    ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(
         "benchmarks", lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000
     ),
     # The numerics driven until they break, one setting at a time.
-    "stability": Measuring("stability", lambda cases: list(KEYS), memory=2000),
+    "stability": Measuring(
+        "stability", lambda cases: list(KEYS), memory=2000, uses=("cavities", "extremes"), tables=("ranges",)
+    ),
     # Random mines at the extremes. Its cases are cases of stability, so that none runs for both.
-    "extremes": Measuring("extremes", lambda cases: list(SEVERAL_SEEDS)),
+    "extremes": Measuring("extremes", lambda cases: list(SEVERAL_SEEDS), tables=("ranges",)),
     # Coverage and widths of a calibration's intervals, twins that come back, records that are flagged, another sampler.
     "calibration_truth": Measuring("calibration_truth", lambda cases: list(TERMS)),
 }
 BY_RULE_CASE = [target for target, measuring in MEASURING.items() if measuring.memory]
-MEASURED = ("common", "mpm_core", "seismic", "verification", "workflow")  # Packages that a case depends on.
+MODEL = ("common", "mpm_core", "seismic", "catalogs", "workflow")  # Packages that answers and cases measure.
+SHARED = ("comparisons.py", "results.py", "rows.py", "scenes.py", "studies.py")  # Modules of verification.
+
+
+def case_sources(target: str) -> str:
+    """Hash of what the cases of a target run. Its pages and figures are left out: they measure nothing."""
+    measuring = MEASURING[target]
+    parts = (measuring.package, *measuring.uses, *SHARED)
+    return package_hash(*MODEL, *(f"verification/{part}" for part in parts))
 
 
 class Cases:
@@ -183,8 +204,8 @@ class Cases:
         """Threads of a case; 64 takes all there are."""
         return 64 if wildcards.target == "benchmarks" else 1
 
-    def settings(self, wildcards: Wildcards) -> str:
+    def settings(self, target: str) -> str:
         """Settings that all cases of a target depend on, as text."""
-        if wildcards.target == "benchmarks":
+        if target == "benchmarks":
             return json.dumps(asdict(self.benchmarks()), sort_keys=True)
         return self.studies.default_text

@@ -2,10 +2,13 @@
 
 import copy
 import functools
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import yaml
 
+from common.costs import Costs
 from mpm_core.scene.scene import parse_scene
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.grid_stage import make_grid
@@ -28,6 +31,23 @@ def changed(scene: dict, changes: dict) -> dict:
             part = part.setdefault(parent, {}) if isinstance(part, dict) else part[parent]
         part[last] = value
     return scene
+
+
+def same_costs(costs: Costs, members: Costs | None = None) -> Callable[[str], Costs]:
+    """Costs of the stages that have a log by the rules, in place of measured ones; another name is an error.
+
+    members: of the stages of an ensemble's members, where they differ.
+    """
+    rules = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
+    logs = {re.sub("{{[a-z]+}}", "[^/]+", name) for name in re.findall(r'f"{LOGS}/(.+)[.]log"', rules)}
+
+    def of(stage: str) -> Costs:
+        member = re.match("ensemble/[0-9]+/", stage)
+        known = stage.removeprefix(member[0]) if member else stage
+        assert any(re.fullmatch(log, known) for log in logs), f"{stage}: no rule has this log"
+        return members if members and member else costs
+
+    return of
 
 
 def run_study(name: str, folder: Path, variants: dict[str, dict] | list[str] | None = None, **changes) -> Results:

@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import xarray as xr
-from running import run_study
+from running import run_study, same_costs
 
 from catalogs.figures import style
 from catalogs.settings import ComparisonSettings
@@ -144,7 +144,7 @@ def test_a_study_runs_to_its_table(tmp_path):
     }
     results = run_study("spread_stope", tmp_path, variants)
     results.study.settings.update(loading=["once", "four", "base"], cells=["base", "fine"])
-    results["base"].costs = lambda stage: Costs(90.0, 7.0 if stage.startswith("ensemble/") else 5.0, 1.0, 300.0)
+    results["base"].costs = same_costs(Costs(90.0, 5.0, 1.0, 300.0), members=Costs(90.0, 7.0, 1.0, 300.0))
     scene = Scene.of(results)
     assert scene.base.seconds == 16.0  # of two steps and their events, compiling left out
     assert scene.member_cost == 1.5

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
-from running import DEFAULT, STUDIES, run_study
+from running import DEFAULT, STUDIES, run_study, same_costs
 
 from common.costs import Costs
 from common.errors import InputError
@@ -20,7 +20,7 @@ from verification.tradeoff.measures import richardson
 from verification.tradeoff.points import Point, Points, measure_study
 from verification.tradeoff.runs import Scene, pareto_front
 from verification.tradeoff.scenes import apart
-from verification.tradeoff.study import PRICE_COLUMNS, STUDY, make_table, price_rows, truth_rows
+from verification.tradeoff.study import PRICE_COLUMNS, STUDY, make_table, percent, price_rows, truth_rows
 
 FEW = st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])
 
@@ -246,6 +246,14 @@ def test_a_run_whose_limit_is_no_variant_is_refused_in_one_line():
         made_up(BASE, limit=["finest"])
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "+0.00 %"), (0.123, "+12 %"), (-0.00123, "-0.12 %"), (1.0, "+100 %"), (2.0, "+200 %"), (np.nan, "–")],
+)
+def test_a_change_has_two_digits(value, text):
+    assert percent(value) == text
+
+
 def test_a_study_runs_to_its_tables(tmp_path):
     """The stope on cells of 5 and 2.5 m; costs made up, as nothing was measured."""
     variants = {"base": {"grid": {"levels": 2}}, "fine": {"grid": {"levels": 3}}}
@@ -254,7 +262,7 @@ def test_a_study_runs_to_its_tables(tmp_path):
     results = run_study("tradeoff_stope", tmp_path, variants)
     results.study.settings["limit"] = ["fine"]
     for number, variant in enumerate(results.variants.values(), start=2):
-        variant.costs = lambda stage, seconds=number: Costs(9.0, seconds + 0.5, 0.5, 300.0)
+        variant.costs = same_costs(Costs(9.0, number + 0.5, 0.5, 300.0))
     points = measure_study(results)
     read = Points.read(json.loads(json.dumps(asdict(points))))
     assert read.study == "tradeoff_stope"

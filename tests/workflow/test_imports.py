@@ -9,6 +9,9 @@ from graphlib import CycleError, TopologicalSorter
 import pytest
 from tiny_mines import ROOT
 
+from verification.targets import BY_RULE_CASE, MEASURING, MODEL, SHARED
+from workflow.stages import IMPORTS, stages
+
 PACKAGES = (
     "common",
     "mpm_core",
@@ -81,6 +84,71 @@ def test_nothing_that_runs_imports_the_tests():
     rules = [ROOT / "Snakefile", ROOT / "verification/Snakefile", *sorted(ROOT.glob("*/rules/*.smk"))]
     assert len(rules) > 7
     assert not [path for path in rules if re.search(r"\b(from|import|stage) tests\b", path.read_text())]
+
+
+def packages_of(modules: set[str]) -> set[str]:
+    """Packages that modules are of."""
+    return {name.split(".")[0] for name in modules}
+
+
+@pytest.mark.parametrize("package", IMPORTS)
+def test_what_a_package_imports_is_in_the_hash_of_its_sources(package):
+    """`IMPORTS` names the packages; else their results would stay when it changes."""
+    found = {name: imports(path.read_text()) for name, path in MODULES.items() if name.split(".")[0] == package}
+    assert packages_of(set().union(*found.values())) <= {package, *IMPORTS[package]}
+
+
+def test_what_a_stage_imports_is_in_the_hash_of_its_sources():
+    """Its packages, those that these import, its own module, and the modules of `workflow` that it names."""
+    bodies = {}
+    for name, path in MODULES.items():
+        if name.startswith("workflow.stages."):
+            tree = ast.parse(path.read_text())
+            bodies |= {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    for name, one in stages().items():
+        found, left, seen = set(), [name], set()
+        while left:  # functions of the module that the stage calls
+            function = bodies[left.pop()]
+            if function.name not in seen:
+                seen.add(function.name)
+                found |= imports(ast.unparse(function))
+                calls = [node.func for node in ast.walk(function) if isinstance(node, ast.Call)]
+                left += [one.id for one in calls if isinstance(one, ast.Name) and one.id in bodies]
+        hashed = {*one.packages, *(known for package in one.packages for known in IMPORTS[package]), "common"}
+        of_workflow = {module for module in found if module.startswith("workflow.")}
+        assert packages_of(found - of_workflow) <= hashed, name
+        assert of_workflow <= {"workflow.stages", one.run.__module__, *one.modules}, name
+
+
+def measured_modules(module: str) -> set[str]:
+    """Modules that a measuring study imports, and those that these do, without those that make pages and figures."""
+    of_pages = {f"verification.{name}" for name in ("frame", "made", "page_tables", "pages", "plots")}
+    found, left = set(), [module]
+    while left:
+        one = left.pop()
+        if one not in found | of_pages and not one.endswith(".figure"):
+            found.add(one)
+            left += imports(MODULES[one].read_text()) if one.startswith("verification.") else []
+    return found
+
+
+@pytest.mark.parametrize("target", [*BY_RULE_CASE, "calibration_truth"])
+def test_what_a_case_imports_is_in_the_hash_of_its_sources(target):
+    measuring = MEASURING[target]
+    parts = [ROOT / "verification" / part for part in (measuring.package, *measuring.uses, *SHARED)]
+    found = {
+        name
+        for name in measured_modules(f"verification.{measuring.package}.study")
+        if not any(MODULES[name].is_relative_to(part) for part in parts)
+    }
+    in_job = {"calibration"} if target == "calibration_truth" else set()  # of the calibration that the case repeats
+    assert packages_of(found) <= {*MODEL, *in_job}
+
+
+def test_what_an_answer_imports_is_in_the_hash_of_its_sources():
+    """Statistics, coverage and clustering read no results that would change with the code."""
+    answers = [path for name, path in MODULES.items() if name.startswith("verification.answers.")]
+    assert packages_of(set().union(*(imports(path.read_text()) for path in answers))) <= {*MODEL, "verification"}
 
 
 SLOW = {"matplotlib", "numba", "obspy", "pint", "psutil", "pyproj", "scipy.ndimage", "scipy.optimize", "scipy.special"}

@@ -50,7 +50,7 @@ rule truth_case:
         mem_mb=2000,
         runtime=60,
     params:
-        code=package_hash("verification"),
+        code=case_sources("calibration_truth"),
     shell:
         "stage verification case calibration_truth {wildcards.case} --input settings {input.job}"
         " --input trials {input.trials} --input finer {input.finer} --input record {input.record}"

@@ -72,34 +72,40 @@ rule case:
         mem_mb=lambda wildcards: MEASURING[wildcards.target].memory,
         runtime=60,
     params:
-        code=package_hash(*MEASURED),
-        settings=CASES.settings,
+        code=lambda wildcards: case_sources(wildcards.target),
+        settings=lambda wildcards: CASES.settings(wildcards.target),
         options=CASES.options,
     shell:
         "stage verification case {wildcards.target} {wildcards.case} {params.options}"
         " --threads {threads} --output {output} --log {log}"
 
 
-rule table:
-    """All cases of a measuring study in one table, with its figures and what it was made from beside it."""
-    input:
-        lambda wildcards: CASES.files(wildcards.target),
-    output:
-        table="results/{target}/table.csv",
-        made="results/{target}/made.json",
-    log:
-        "logs/{target}/table.log",
-    conda:
-        "../../workflow/envs/environment.yaml"
-    threads: 1
-    resources:
-        mem_mb=2000,
-        runtime=30,
-    params:
-        code=package_hash("verification"),
-        settings=CASES.settings,
-    shell:
-        "stage verification table {wildcards.target} --cases {input} --output {output.table} --log {log}"
+for target in MEASURING:
+
+    rule:
+        """All cases of a measuring study in one table, with its figures and what it was made from beside it."""
+        name:
+            f"{target}_table"
+        input:
+            lambda wildcards, target=target: CASES.files(target),
+        output:
+            table=f"results/{target}/table.csv",
+            others=[f"results/{target}/{name}.csv" for name in MEASURING[target].tables],
+            made=f"results/{target}/made.json",
+        log:
+            f"logs/{target}/table.log",
+        conda:
+            "../../workflow/envs/environment.yaml"
+        threads: 1
+        resources:
+            mem_mb=2000,
+            runtime=30,
+        params:
+            code=package_hash("verification"),
+            settings=lambda wildcards, target=target: CASES.settings(target),
+            target=target,
+        shell:
+            "stage verification table {params.target} --cases {input} --output {output.table} --log {log}"
 
 
 for target in ("verification", *MEASURING):

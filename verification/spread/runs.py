@@ -124,7 +124,7 @@ def read_base(results: Results) -> Catalogue:
 def _read(variant: Variant, label: str, member: int = 0) -> Catalogue:
     """The run of a variant, or of a member of its ensemble."""
     folder, last = f"ensemble/{member}/" if member else "", variant.step_names[-1]
-    stages = [f"{folder}{stage}/{step}" for stage in ("steps", "events") for step in variant.step_names]
+    stages = [*(f"{folder}steps/{step}" for step in variant.step_names), f"{folder}events"]
     costs = [variant.processor_time(stage) for stage in stages]
     known = [cost for cost in costs if cost is not None]
     seconds = float(np.sum(known)) if len(known) == len(costs) else np.nan

@@ -102,6 +102,14 @@ def _columns() -> list[str]:
     return [_column(key) for key in MEASURES]
 
 
+def percent(share: float) -> str:
+    """A share in per cent with its sign, two significant digits and at most two decimals; a dash for NaN."""
+    if not np.isfinite(share):
+        return "–"
+    decimals = 2 if abs(share) < 5e-5 else max(0, 1 - int(np.floor(np.log10(abs(100 * share)))))
+    return f"{100 * share:+.{min(decimals, 2)}f} %"
+
+
 def price_rows(scene: Scene) -> list[dict]:
     """One row for each value that runs give a setting, over the line's own value of it.
 
@@ -134,7 +142,7 @@ def price_rows(scene: Scene) -> list[dict]:
                     "events_before": line.anchor.measures.get("events", np.nan),
                     "events": member.measures.get("events", np.nan),
                     "buys": scene.buys(line, member),
-                    "price": f"{value}: {speed:.2g} x, {100 * change:+.2g} %" if speed > scene.clear else "no speed",
+                    "price": f"{value}: {speed:.2g} x, {percent(change)}" if speed > scene.clear else "no speed",
                     "fastest": "yes" if member is fastest else "",
                 }
             )

@@ -89,10 +89,13 @@ def stages() -> dict[str, Stage]:
 
 @cache
 def package_hash(*packages: str) -> str:
-    """Hash of all files of packages, in path order; what Python keeps of compiled ones is left out."""
+    """Hash of all files of packages, of folders in them or of single modules, by their paths from the checkout.
+
+    What Python keeps of compiled modules is left out. Raises FileNotFoundError where there is no such path.
+    """
     digest = hashlib.sha256()
     for package in packages:
-        for path in sorted((ROOT / package).rglob("*")):
-            if path.is_file() and "__pycache__" not in path.parts:
+        for path in sorted((ROOT / package).rglob("*")) or [ROOT / package]:
+            if not path.is_dir() and "__pycache__" not in path.parts:
                 digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
