@@ -16,7 +16,7 @@ from common.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = "made.json"
-NUMERICS = ("mpm_core", "seismic")  # Results may change with these folders.
+NUMERICS = ("mpm_core", "seismic")  # Results of most studies may change with these folders.
 UNKNOWN, DIRTY = "unknown", "-dirty"
 COMMIT_LENGTH = 7
 
@@ -63,13 +63,13 @@ def oldest(made: Iterable[Made]) -> Made:
     return min(made, key=lambda one: one.date)
 
 
-def is_older(commit: str) -> bool:
-    """Whether the numerics changed after a commit up to the one that is checked out, or may have: it is not known.
+def is_older(commit: str, folders: Iterable[str] = NUMERICS) -> bool:
+    """Whether folders changed after a commit up to the one that is checked out, or may have: it is not known.
 
     Changes that were not committed when a table was made count if they are committed now.
     """
     since = f"{commit.removesuffix(DIRTY)}..HEAD"
-    return _git("log", "-1", "--format=%h", since, "--", *NUMERICS) != ""
+    return _git("log", "-1", "--format=%h", since, "--", *folders) != ""
 
 
 def _git(*words: str) -> str | None:

@@ -30,7 +30,7 @@ POINTS_OF = ("tradeoff_", "spread_")  # Files of config/verification whose runs 
 INDEX = "index"
 BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)", re.DOTALL)
 MADE = re.compile(r"Made on \S+ at commit `([^`]+)`")
-OLDER = f"They are *older than the numerics*: {' or '.join(f'`{folder}`' for folder in NUMERICS)} has changed since."
+OLDER = re.compile(r" They are \*older than the numerics\*: [^*]* has changed since\.")
 COUNTS = re.compile(r"(\d+) rows?, (\d+) judged: (\d+) pass(?:es)?, (\d+) known miss(?:es)?, (\d+) fails?\.")
 INDEX_FACTS = ("Checks", "Reference")  # Facts that the index quotes from each page.
 # Widths of a figure, pixels. The first one whose file is below MAX_FIGURE_BYTES is taken.
@@ -58,7 +58,7 @@ def rewrite(results: Path | None, pages: Path = PAGES) -> list[str]:
 
     def fill(match: re.Match) -> str:
         old = match[3] if "|" in match[3] else not_measured(match[2])
-        return match[1] + marked(blocks.get(match[2], old)) + match[4]
+        return match[1] + marked(blocks.get(match[2], old), numerics(match[2])) + match[4]
 
     texts = {path: BLOCK.sub(fill, text) for path, text in texts.items()}
     index = pages / f"{INDEX}.md"
@@ -84,18 +84,32 @@ def older_pages(pages: Path = PAGES) -> list[str]:
         for path, text in read_pages(pages).items()
         for match in BLOCK.finditer(text)
         for commit in MADE.findall(match[3])
-        if is_older(commit)
+        if is_older(commit, numerics(match[2]))
     ]
 
 
-def marked(text: str) -> str:
-    """Text of a block with a sentence that says so where its results are older than the numerics."""
-    text = text.replace(f" {OLDER}", "")
+def numerics(name: str) -> tuple[str, ...]:
+    """Folders with which the results of a study may change.
+
+    A study without scenes measures no mechanics: its answer names them as NUMERICS.
+    """
+    if name in MEASURING:
+        return (*NUMERICS, *MEASURING[name].numerics)
+    if name == INDEX:
+        return NUMERICS
+    answer = importlib.import_module(f"verification.answers.{read_yaml(FOLDER / f'{name}.yaml')['answer']}")
+    return getattr(answer, "NUMERICS", NUMERICS)
+
+
+def marked(text: str, folders: tuple[str, ...]) -> str:
+    """Text of a block with a sentence that says so where its results are older than the numerics, which are folders."""
+    text = OLDER.sub("", text)
     made = MADE.search(text)
-    if not made or not is_older(made[1]):
+    if not made or not is_older(made[1], folders):
         return text
     first, rest = text.split("\n", 1)
-    return f"{first} {OLDER}\n{rest}"
+    named = " or ".join(f"`{folder}`" for folder in folders)
+    return f"{first} They are *older than the numerics*: {named} has changed since.\n{rest}"
 
 
 def find_tables(results: Path) -> dict[str, Path]:

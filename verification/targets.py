@@ -99,6 +99,7 @@ class Measuring:
     package: the package of verification with its STUDY (verification.frame). names: names of its cases, in the order of
     its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`. uses: parts of verification that
     a case runs beside its package and SHARED. tables: names of the tables that it writes beside "table".
+    numerics: folders with which its results may change, beside verification.made.NUMERICS.
     """
 
     package: str
@@ -106,6 +107,7 @@ class Measuring:
     memory: int = 0
     uses: tuple[str, ...] = ()
     tables: tuple[str, ...] = ()
+    numerics: tuple[str, ...] = ()
 
 
 MEASURING = {  # By the name of the target.
@@ -120,7 +122,11 @@ MEASURING = {  # By the name of the target.
     # Variances of potency, number, b and the largest event by source; what an ensemble costs and buys. The smallest
     # scene is the first.
     "catalog_spread": Measuring(
-        "spread", lambda cases: cases.studies.named("spread_")[::-1], memory=4000, uses=("tradeoff",)
+        "spread",
+        lambda cases: cases.studies.named("spread_")[::-1],
+        memory=4000,
+        uses=("tradeoff",),
+        numerics=("catalogs",),
     ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(
@@ -133,7 +139,7 @@ MEASURING = {  # By the name of the target.
     # Random mines at the extremes. Its cases are cases of stability, so that none runs for both.
     "extremes": Measuring("extremes", lambda cases: list(SEVERAL_SEEDS), tables=("ranges",)),
     # Coverage and widths of a calibration's intervals, twins that come back, records that are flagged, another sampler.
-    "calibration_truth": Measuring("calibration_truth", lambda cases: list(TERMS)),
+    "calibration_truth": Measuring("calibration_truth", lambda cases: list(TERMS), numerics=("calibration",)),
 }
 BY_RULE_CASE = [target for target, measuring in MEASURING.items() if measuring.memory]
 MODEL = ("common", "mpm_core", "seismic", "catalogs", "workflow")  # Packages that answers and cases measure.

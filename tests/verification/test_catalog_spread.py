@@ -146,7 +146,7 @@ def test_a_study_runs_to_its_table(tmp_path):
     results.study.settings.update(loading=["once", "four", "base"], cells=["base", "fine"])
     results["base"].costs = same_costs(Costs(90.0, 5.0, 1.0, 300.0), members=Costs(90.0, 7.0, 1.0, 300.0))
     scene = Scene.of(results)
-    assert scene.base.seconds == 16.0  # of two steps and their events, compiling left out
+    assert scene.base.seconds == 12.0  # of two steps and the events of both, compiling left out
     assert scene.member_cost == 1.5
     assert [[run.label for run in runs] for runs in scene.sources.values()] == [
         ["1", "2", "3"],

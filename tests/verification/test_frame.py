@@ -126,7 +126,7 @@ def jaeger(tmp_path, monkeypatch):
         figure = style.new_figure(4.0, 2.0)
         figure.add_subplot().plot([0, 1])
         misses = {quantity: KnownMiss(CAUSE, at_most) for quantity, at_most in known.items()}
-        study = Study("jaeger", "jaeger", "Jaeger", "Nothing.", False, 1, False, {}, {}, misses, {})
+        study = Study("jaeger", "jaeger", "Jaeger", False, 1, False, {}, {}, misses, {})
         monkeypatch.setattr(frame, "load_study", lambda path: study)
         monkeypatch.setattr("verification.answers.jaeger.answer", lambda results: (rows_of(3.0), figure))
         paths = [tmp_path / "results" / name for name in ("table.csv", "figure.svg", "costs.csv")]
@@ -201,7 +201,7 @@ def test_cases_become_the_rows_of_one_table(tmp_path, monkeypatch):
 def test_every_measuring_study_declares_its_tables(name):
     study = load(name)
     assert study.names
-    assert all(isinstance(shown.file, str) for shown in study.shown)
+    assert {shown.file for shown in study.shown} <= {"table", *MEASURING[name].tables}  # outputs of its rule
 
 
 def test_a_study_that_is_none_is_one_line():
@@ -240,6 +240,8 @@ def test_results_are_older_once_the_numerics_have_changed(checkout):
     git(checkout, "commit", "-q", "-a", "-m", "three")
     assert is_older(commit)
     assert is_older(dirty)
+    assert is_older(dirty, ("catalogs", "mpm_core"))
+    assert not is_older(dirty, ("catalogs",))  # which an answer without scenes names
     assert not is_older(Made.now().commit)
     assert is_older("0123456")
     assert oldest([MADE, Made("x", "2026-01-01T00:00:00+00:00", "", "")]).commit == "x"

@@ -273,9 +273,9 @@ def test_a_study_runs_to_its_tables(tmp_path):
     assert table.loc["once", "changes"] == "increments 1"
     assert table.loc["draft", "changes"].startswith("accuracy draft (tolerance ")
     assert table.accuracy.to_list() == ["standard", "standard", "standard", "draft"]
-    assert table.processor_s.to_list() == [12.0, 18.0, 24.0, 30.0]  # six stages each, compiling left out
-    assert table.wall_s.to_list() == [54.0] * 4
-    assert table.compiling_s.to_list() == [3.0] * 4
+    assert table.processor_s.to_list() == [10.0, 15.0, 20.0, 25.0]  # five stages each, compiling left out
+    assert table.wall_s.to_list() == [45.0] * 4
+    assert table.compiling_s.to_list() == [2.5] * 4
     assert table.loc["base", "error_potency"] > 0.0
     assert np.isnan(table.loc["fine", "error_potency"])  # it is the truth
     assert table.loc["fine", "apart_m"] == 0.0

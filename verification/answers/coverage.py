@@ -30,6 +30,8 @@ from verification.plots import plot_errors
 from verification.results import Results
 from verification.rows import Row
 
+NUMERICS = ("catalogs",)  # Folders that the results may change with.
+
 TABLES = (
     Pivot(
         "Share of catalogues with an interval, and share of intervals that hold the truth",

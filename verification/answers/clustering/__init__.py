@@ -31,6 +31,8 @@ from verification.page_tables import Pivot
 from verification.results import Results
 from verification.rows import Row
 
+NUMERICS = ("seismic",)  # Folders that the results may change with.
+
 TABLES = (
     Pivot(
         "Adjusted Rand index of clusters (1 is the truth)",

@@ -13,6 +13,8 @@ from verification.plots import plot_errors, plot_series
 from verification.results import Results
 from verification.rows import Row
 
+NUMERICS = ("catalogs",)  # Folders that the results may change with.
+
 TABLES = (
     Pivot(
         "Estimates of b",
