@@ -1,4 +1,6 @@
-"""Scenes of studies that drive the numerics to their limits, as mine files would hold them."""
+"""Scenes of studies that drive the numerics to their limits, as mine files would hold them, and changes of scenes."""
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -14,10 +16,30 @@ ADAPTIVE = {"refinement": "adaptive", "max_cells": 3000}
 MINED_HEIGHT = 4.0  # Height of what is mined at the top of a column, m.
 
 
+def quantity(value: float, unit: str) -> str:
+    """A quantity of the mine file, with every digit."""
+    return f"{float(value)!r} {unit}"
+
+
+def value_of(text: str | float) -> float:
+    """Number of a quantity of the mine file, in the unit that it is written in."""
+    return float(str(text).split()[0])
+
+
+def lengths(values) -> list[str]:
+    """A point of the mine file."""
+    return [quantity(value, "m") for value in values]
+
+
+def strengths(unit: str, intact: float, residual: float) -> dict[str, str]:
+    """A strength of the mine file before and after failure."""
+    return {"intact": quantity(intact, unit), "residual": quantity(residual, unit)}
+
+
 def elastic(modulus: float = MODULUS, poisson: float = POISSON) -> dict:
     """Elastic rock. modulus: Pa."""
     return {
-        "model": "elastic", "youngs_modulus": f"{float(modulus)!r} Pa", "poisson_ratio": float(poisson),
+        "model": "elastic", "youngs_modulus": quantity(modulus, "Pa"), "poisson_ratio": float(poisson),
         "density": "2700 kg/m^3",
     }  # fmt: skip
 
@@ -29,17 +51,19 @@ def coulomb(
 
     share: of cohesion that failed rock keeps (1: perfectly plastic).
     """
-    angles = {
-        "friction_angle": {"intact": f"{float(friction)!r} deg", "residual": f"{float(friction)!r} deg"},
-        "dilation_angle": {"intact": f"{float(dilation)!r} deg", "residual": f"{float(dilation)!r} deg"},
+    rock = elastic() | {
+        "model": "coulomb",
+        "friction_angle": strengths("deg", friction, friction),
+        "dilation_angle": strengths("deg", dilation, dilation),
+        "cohesion": strengths("Pa", cohesion, cohesion * share),
+        "tension_cutoff": "none",
     }
-    strength = {"intact": f"{float(cohesion)!r} Pa", "residual": f"{float(cohesion * share)!r} Pa"}
-    return merge(elastic() | angles | {"model": "coulomb", "cohesion": strength, "tension_cutoff": "none"}, changes)
+    return merge(rock, changes)
 
 
-def lengths(values) -> list[str]:
-    """A point of the mine file."""
-    return [f"{float(value)!r} m" for value in values]
+def isotropic(pressure: float) -> dict[str, str]:
+    """Components of an all-round stress. pressure: Pa, compression positive."""
+    return {component: quantity(-pressure, "Pa") for component in ("xx", "yy", "zz")}
 
 
 def hole(dimension: int = 2, scale: float = 1.0, offset: float = 0.0, pressure: float = PRESSURE, **changes) -> dict:
@@ -53,17 +77,17 @@ def hole(dimension: int = 2, scale: float = 1.0, offset: float = 0.0, pressure: 
     values = {
         "name": "hole",
         "plane": "xz" if dimension == 2 else "none",
-        "frame": {"surface": f"{2 * half!r} m"},
+        "frame": {"surface": quantity(2 * half, "m")},
         "domain": {"lower": lengths(middle - half), "upper": lengths(middle + half), "boundary": "fixed"},
         "grid": {
-            "coarse_cell": f"{finest * 2 ** (LEVELS[dimension] - 1)!r} m", "levels": LEVELS[dimension],
+            "coarse_cell": quantity(finest * 2 ** (LEVELS[dimension] - 1), "m"), "levels": LEVELS[dimension],
             "buffer_cells": 2, "refinement": "static",
         },
-        "insitu_stress": {"constant": {name: f"{-float(pressure)!r} Pa" for name in ("xx", "yy", "zz")}},
+        "insitu_stress": {"constant": isotropic(pressure)},
         "materials": {"host": elastic()},
         "excavations": [
             {"name": "hole", "step": "history", "shape": "circle" if dimension == 2 else "sphere",
-             "center": lengths(middle), "radius": f"{RADIUS * scale!r} m"}
+             "center": lengths(middle), "radius": quantity(RADIUS * scale, "m")}
         ],
         "steps": [{"name": "history"}],
         "solver": {"tolerance": 1e-5, "increments": 4},
@@ -93,13 +117,13 @@ def column(height: int, pressure: float = PRESSURE, upper: float = MODULUS, **ch
     values = {
         "name": "column",
         "plane": "xz",
-        "frame": {"surface": f"{float(height)!r} m"},
+        "frame": {"surface": quantity(height, "m")},
         "domain": {
             "lower": lengths([0, 0]), "upper": lengths([2, height]),
             "boundary": {"x": "roller", "z_lower": "fixed", "z_upper": "roller"},
         },
         "grid": {"coarse_cell": "1 m", "levels": 1, "buffer_cells": 1, "refinement": "static"},
-        "insitu_stress": {"constant": {name: f"{-float(pressure)!r} Pa" for name in ("xx", "yy", "zz")}},
+        "insitu_stress": {"constant": isotropic(pressure)},
         "materials": {"host": elastic(), "upper": elastic(upper)},
         "rock_bodies": [
             {"name": "cap", "material": "upper", "shape": "box", "lower": lengths([0, height // 2]),
@@ -120,12 +144,12 @@ def section(boxes: list, host: dict | None = None, cell: float = SECTION_CELL, *
     values = {
         "name": "section",
         "plane": "xz",
-        "frame": {"surface": f"{SECTION_SIDE!r} m"},
+        "frame": {"surface": quantity(SECTION_SIDE, "m")},
         "domain": {
             "lower": lengths([-SECTION_SIDE / 2, 0]), "upper": lengths([SECTION_SIDE / 2, SECTION_SIDE]),
             "boundary": "fixed",
         },
-        "grid": {"coarse_cell": f"{4 * cell!r} m", "levels": 3, "buffer_cells": 1, "refinement": "static"},
+        "grid": {"coarse_cell": quantity(4 * cell, "m"), "levels": 3, "buffer_cells": 1, "refinement": "static"},
         "insitu_stress": {"constant": dict(SECTION_STRESS)},
         "materials": {"host": host or elastic()},
         "excavations": [
@@ -137,3 +161,34 @@ def section(boxes: list, host: dict | None = None, cell: float = SECTION_CELL, *
         "solver": {"tolerance": 1e-5, "increments": 4},
     }  # fmt: skip
     return merge(values, changes)
+
+
+def replaced_by(scene: dict) -> Callable[[dict], dict]:
+    """The change of any scene into this one."""
+    return lambda values: scene
+
+
+def other_scheme(values: dict) -> dict:
+    """The scene by the other scheme."""
+    scheme = values["solver"].get("scheme", "multigrid")
+    return merge(values, {"solver": {"scheme": "explicit" if scheme == "multigrid" else "multigrid"}})
+
+
+def tighter(values: dict) -> dict:
+    """The scene at a tolerance of 1e-9."""
+    return merge(values, {"solver": {"tolerance": 1e-9}})
+
+
+def finer(values: dict) -> dict:
+    """The scene on cells of half the size everywhere."""
+    return merge(values, {"grid": {"coarse_cell": quantity(value_of(values["grid"]["coarse_cell"]) / 2, "m")}})
+
+
+def mirrored(values: dict) -> dict:
+    """A section mirrored in x."""
+    boxes = []
+    for entry in values["excavations"]:
+        (left, bottom), (right, top) = entry["lower"], entry["upper"]
+        corners = {"lower": [*lengths([-value_of(right)]), bottom], "upper": [*lengths([-value_of(left)]), top]}
+        boxes.append(entry | corners)
+    return merge(values, {"excavations": boxes})

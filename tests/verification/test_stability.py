@@ -12,11 +12,11 @@ from verification.extremes.outcomes import RESTS, run
 from verification.extremes.relations import RELATIONS
 from verification.frame import give_verdict
 from verification.rows import KnownMiss
-from verification.scenes import coulomb, elastic, failing, hole, section
+from verification.scenes import coulomb, elastic, failing, hole, mirrored, section
 from verification.stability import KEYS, SEVERAL_SEEDS
 from verification.stability.balances import broken, lacking
 from verification.stability.cases import Case, Knob
-from verification.stability.judges import closure_error, front, mirrored, same_motion
+from verification.stability.judges import closure_error, front, same_motion
 from verification.stability.knobs import BY_KEY, knob_of
 from verification.stability.points import (
     ENDED,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from verification.scenes import lengths
+from verification.scenes import elastic, lengths, quantity, strengths
 
 STEPS = ("history", "first", "second")
 CONDITIONS = ("fixed", "roller", "traction", "free")
@@ -47,10 +47,10 @@ def random_mine(seed: int) -> dict:
     return {
         "name": f"scene_{seed}",
         "plane": plane,
-        "frame": {"surface": f"{float(surface)!r} m"},
+        "frame": {"surface": quantity(surface, "m")},
         "domain": {"lower": lengths(lower), "upper": lengths(upper), "boundary": boundary},
         "grid": {
-            "coarse_cell": f"{float(coarse)!r} m",
+            "coarse_cell": quantity(coarse, "m"),
             "levels": int(random.integers(1, 4 if dimension == 2 else 3)),
             "buffer_cells": int(random.integers(1, 3)),
             "particles_per_cell": int(random.choice([1, 2**dimension], p=[0.8, 0.2])),
@@ -86,20 +86,13 @@ def _box(random, lower, upper) -> dict:
 def _ball(random, lower, upper, dimension: int) -> dict:
     radius = float((upper - lower).min() * 10.0 ** random.uniform(-1.5, -0.4))
     center = random.uniform(lower + 0.1 * (upper - lower), upper - 0.1 * (upper - lower))
-    return {
-        "shape": "sphere" if dimension == 3 else "circle",
-        "center": lengths(center),
-        "radius": f"{float(radius)!r} m",
-    }
+    shape = "sphere" if dimension == 3 else "circle"
+    return {"shape": shape, "center": lengths(center), "radius": quantity(radius, "m")}
 
 
 def _elastic(random, modulus: float) -> dict:
-    return {
-        "model": "elastic",
-        "youngs_modulus": f"{float(modulus)!r} Pa",
-        "poisson_ratio": float(random.uniform(0.0, 0.45)),
-        "density": f"{float(random.uniform(500.0, 4000.0))!r} kg/m^3",
-    }
+    rock = elastic(modulus, random.uniform(0.0, 0.45))
+    return rock | {"density": quantity(random.uniform(500.0, 4000.0), "kg/m^3")}
 
 
 def _rock(random, size: float) -> dict:
@@ -108,18 +101,15 @@ def _rock(random, size: float) -> dict:
     cohesion = float(random.choice([0.0, size * 10.0 ** random.uniform(-1.0, 1.0)], p=[0.1, 0.9]))
     friction_left = friction * float(random.choice([0.3, random.random(), 1.0]))
     cohesion_left = cohesion * float(random.choice([0.0, random.random(), 1.0]))
-    cutoff: dict[str, str] | str = {"intact": f"{float(0.5 * cohesion)!r} Pa", "residual": "0 Pa"}
+    cutoff: dict[str, str] | str = strengths("Pa", 0.5 * cohesion, 0.0)
     if random.random() < 0.3:  # The tip of the residual cone must not lie beyond the intact one.
         slope, slope_left = np.tan(np.radians([friction, friction_left]))
         cutoff, cohesion_left = "none", float(min(cohesion_left, 0.99 * cohesion * slope_left / slope))
     return _elastic(random, size * 10.0 ** random.uniform(2.0, 4.0)) | {
         "model": "coulomb",
-        "friction_angle": {"intact": f"{float(friction)!r} deg", "residual": f"{float(friction_left)!r} deg"},
-        "dilation_angle": {
-            "intact": f"{float(friction * float(random.random()))!r} deg",
-            "residual": f"{float(friction_left * float(random.random()))!r} deg",
-        },
-        "cohesion": {"intact": f"{float(cohesion)!r} Pa", "residual": f"{float(cohesion_left)!r} Pa"},
+        "friction_angle": strengths("deg", friction, friction_left),
+        "dilation_angle": strengths("deg", friction * random.random(), friction_left * random.random()),
+        "cohesion": strengths("Pa", cohesion, cohesion_left),
         "tension_cutoff": cutoff,
     }
 
@@ -131,7 +121,7 @@ def _stress(random, size: float, height: float, weight: bool) -> dict:
         slope = float(random.choice([0.1, 1.0])) / height
         return {
             "constant": {"zz": "0 Pa"},
-            "gradient": {name: f"{float(value * slope)!r} Pa/m" for name, value in values.items()},
+            "gradient": {name: quantity(value * slope, "Pa/m") for name, value in values.items()},
         }
     values |= {"xz": 0.1 * size * random.uniform(-1.0, 1.0), "xy": 0.1 * size * random.uniform(-1.0, 1.0)}
-    return {"constant": {name: f"{float(value)!r} Pa" for name, value in values.items()}}
+    return {"constant": {name: quantity(value, "Pa") for name, value in values.items()}}

@@ -1,7 +1,6 @@
 """Outcome of a scene after its stages, and what must be true of every state that they store."""
 
 import signal
-import time
 import traceback
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ import yaml
 from common.errors import InputError
 from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.grid.adjacency import holding_cells
+from verification.scenes import value_of
 from verification.studies import default_settings, merge
 from workflow.configuration import load
 from workflow.run_mine import run_stages
@@ -21,21 +21,30 @@ from workflow.run_mine import run_stages
 RESTS, REFUSED, ENDED, BROKEN, HANGS, WRONG = "at rest", "refused", "ended", "traceback", "hangs", "wrong"
 FAULTS = (BROKEN, HANGS, WRONG)
 MAX_SCENE_SECONDS = 120  # Processor time of a scene above which it counts as hanging.
+LAST = "last"  # Stands for the state at the end.
 MAX_OVERSTRESS_SHARE = 1e-3  # A stored stress may exceed strength by this share of strength and stress.
 
 
 @dataclass
 class Outcome:
-    """How a scene ended: its kind, a line about it, processor time (s), and the stored datasets by name.
+    """How a scene ended: its kind, a line about it, and the stored datasets by name: the grid, then each state.
 
     has_begun: whether a solution was under way when it ended. Its last state then lies beside the output.
     """
 
     kind: str
     message: str = ""
-    seconds: float = 0.0
     stored: dict[str, xr.Dataset] = field(default_factory=dict)
     has_begun: bool = False
+
+    @property
+    def states(self) -> dict[str, xr.Dataset]:
+        """The stored states by name, in order."""
+        return {name: dataset for name, dataset in self.stored.items() if name != "grid"}
+
+    def state(self, name: str) -> xr.Dataset:
+        """The state of a name, or the LAST one."""
+        return list(self.stored.values())[-1] if name == LAST else self.stored[name]
 
 
 @contextmanager
@@ -56,24 +65,26 @@ def _limit(seconds: int):
 
 def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome:
     """Run a configuration through its stages in this process."""
-    stored: dict[str, xr.Dataset] = {}
-    failed = folder / "failed.npz"
+    outcome, failed = Outcome(RESTS), folder / "failed.npz"
     failed.unlink(missing_ok=True)
-    began = time.process_time()
     try:
         with _limit(seconds):
             mine = load(merge(default_settings(), values), folder / "mine.yaml", default_settings())
             for name, dataset, _ in run_stages(mine.run_slices(has_events=False), failed):
-                stored[name.removeprefix("steps/")] = dataset
-        wrong = [fault for name in list(stored)[1:] for fault in faults(values, stored["grid"], stored[name])]
-        kind, message = (WRONG, wrong[0]) if wrong else (RESTS, "")
+                outcome.stored[name.removeprefix("steps/")] = dataset
+        grid = outcome.stored["grid"]
+        wrong = [fault for state in outcome.states.values() for fault in faults(values, grid, state)]
+        if wrong:
+            outcome.kind, outcome.message = WRONG, wrong[0]
     except InputError as error:
-        kind, message = ENDED if "elastic" in stored else REFUSED, str(error)
+        outcome.kind, outcome.message = ENDED if "elastic" in outcome.stored else REFUSED, str(error)
     except TimeoutError:
-        kind, message = HANGS, f"not done after {seconds} s: {', '.join(stored) or 'nothing'} stored"
+        stored = ", ".join(outcome.stored) or "nothing"
+        outcome.kind, outcome.message = HANGS, f"not done after {seconds} s: {stored} stored"
     except Exception:  # A traceback that a user would see is a finding here.
-        kind, message = BROKEN, traceback.format_exc().strip().replace("\n", " | ")
-    return Outcome(kind, message, time.process_time() - began, stored, failed.exists())
+        outcome.kind, outcome.message = BROKEN, traceback.format_exc().strip().replace("\n", " | ")
+    outcome.has_begun = failed.exists()
+    return outcome
 
 
 def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
@@ -122,13 +133,12 @@ def _above_strength(values, grid, state, present, failed):
             if not len(chosen):
                 continue
             s3, _, s1 = np.linalg.eigvalsh(tensor[chosen]).T
-            phi = np.radians(float(rock["friction_angle"][kind].split()[0]))
-            cohesion = float(rock["cohesion"][kind].split()[0])
+            phi, cohesion = np.radians(value_of(rock["friction_angle"][kind])), value_of(rock["cohesion"][kind])
             slope = (1.0 + np.sin(phi)) / (1.0 - np.sin(phi))
             strength = 2.0 * cohesion * np.cos(phi) / (1.0 - np.sin(phi))
             excess = slope * s1 - s3 - strength
             if rock["tension_cutoff"] != "none":
-                excess = np.maximum(excess, s1 - float(rock["tension_cutoff"][kind].split()[0]))
+                excess = np.maximum(excess, s1 - value_of(rock["tension_cutoff"][kind]))
             size = strength + slope * np.abs(s1) + np.abs(s3) + np.abs(tensor[present]).max()
             if (excess > MAX_OVERSTRESS_SHARE * size).any():
                 yield f"{kind} {material} stands {excess.max():.3g} Pa above its strength"

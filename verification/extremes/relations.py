@@ -6,6 +6,8 @@ from collections.abc import Callable
 import numpy as np
 
 from verification.extremes.outcomes import ENDED, RESTS, Outcome
+from verification.scenes import other_scheme, quantity, value_of
+from verification.studies import merge
 
 STRESS_SCALE = 2.0**10  # A power of two keeps every digit.
 SHIFT_CELLS = 1024.0  # Shift in coarsest cells. It is exact in binary where the cell is.
@@ -21,23 +23,20 @@ def _scaled(values: dict) -> dict:
     def times(entry):
         if isinstance(entry, dict):
             return {key: times(value) for key, value in entry.items()}
-        number, _, unit = entry.partition(" ") if isinstance(entry, str) else ("", "", "")
-        return f"{float(number) * STRESS_SCALE!r} {unit}" if unit in ("Pa", "Pa/m") else entry
+        _, _, unit = entry.partition(" ") if isinstance(entry, str) else ("", "", "")
+        return quantity(value_of(entry) * STRESS_SCALE, unit) if unit in ("Pa", "Pa/m") else entry
 
-    result = copy.deepcopy(values)
-    for key in ("insitu_stress", "materials"):
-        result[key] = times(result[key])
-    return result
+    return values | {key: times(values[key]) for key in ("insitu_stress", "materials")}
 
 
 def _shifted(values: dict) -> dict:
     """The mine shifted along x."""
-    by = SHIFT_CELLS * float(values["grid"]["coarse_cell"].split()[0])
+    by = SHIFT_CELLS * value_of(values["grid"]["coarse_cell"])
     result = copy.deepcopy(values)
     for entry in (result["domain"], *result["excavations"], *result["rock_bodies"]):
         for key in ("lower", "upper", "center"):
             if key in entry:
-                entry[key][0] = f"{float(entry[key][0].split()[0]) + by!r} m"
+                entry[key][0] = quantity(value_of(entry[key][0]) + by, "m")
     return result
 
 
@@ -46,30 +45,21 @@ def _reordered(values: dict) -> dict:
     return values | {"excavations": list(reversed(values["excavations"]))}
 
 
-def _other_scheme(values: dict) -> dict:
-    result = copy.deepcopy(values)
-    result["solver"]["scheme"] = "explicit" if values["solver"]["scheme"] == "multigrid" else "multigrid"
-    return result
-
-
 def is_rest(values: dict, outcome: Outcome, run: Callable[[dict], Outcome]) -> bool:
     """Whether a scene in equilibrium reaches it at a tenth of the tolerance as well, with the same motions.
 
     It is asked where the rock runs away in the other scheme. Damped steps may move rock of little residual strength so
     far that they miss an equilibrium that exists.
     """
-    tighter = copy.deepcopy(values)
-    tighter["solver"]["tolerance"] *= 0.1
-    other = run(tighter)
+    other = run(merge(values, {"solver": {"tolerance": 0.1 * values["solver"]["tolerance"]}}))
     return other.kind == RESTS and all(
         np.abs(state.node_displacement.values - other.stored[name].node_displacement.values).max()
         <= MAX_DIFFERENCE_BY_TOLERANCE * np.abs(state.node_displacement.values).max()
-        for name, state in outcome.stored.items()
-        if name != "grid"
+        for name, state in outcome.states.items()
     )
 
 
-RELATIONS = {"scaled": _scaled, "shifted": _shifted, "reordered": _reordered, "other scheme": _other_scheme}
+RELATIONS = {"scaled": _scaled, "shifted": _shifted, "reordered": _reordered, "other scheme": other_scheme}
 
 
 def compare(name: str, values: dict, first: Outcome, run: Callable[[dict], Outcome]) -> str:
@@ -86,7 +76,7 @@ def compare(name: str, values: dict, first: Outcome, run: Callable[[dict], Outco
     if first.kind != second.kind:
         return f"{first.kind} and {second.kind}: {first.message or second.message}"
     if "elastic" in first.stored and "elastic" in second.stored:
-        motions = [outcome.stored["elastic"].node_displacement.values for outcome in (first, second)]
+        motions = [outcome.state("elastic").node_displacement.values for outcome in (first, second)]
         if motions[0].shape != motions[1].shape:
             return f"{len(motions[0])} and {len(motions[1])} nodes"
         largest = np.abs(motions[0]).max()

@@ -10,7 +10,7 @@ from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import distorted_shapes, sample_volumes
 from mpm_core.model.occupancy import MIN_SAMPLES_KEPT
 from verification.extremes.outcomes import Outcome
-from verification.stability.judges import number
+from verification.scenes import value_of
 
 MAX_MASS_ERROR = 1e-9  # Share of the mass. Sums of volumes in another order differ by round-off.
 MAX_MOMENTUM_ERROR = 1e-9  # Share of the forces between cells, whose sum vanishes but for round-off.
@@ -24,9 +24,8 @@ NO_TERMS = {
 
 def broken(values: dict, outcome: Outcome) -> list[str]:
     """One line for each quantity that is not conserved; none for a sound run."""
-    found, states = [], {name: state for name, state in outcome.stored.items() if name != "grid"}
-    largest = 0.0
-    for name, state in states.items():
+    found, largest = [], 0.0
+    for name, state in outcome.states.items():
         found += [f"{name}: {fault}" for fault in (*_mass(values, outcome.stored["grid"], state), *_momentum(state))]
         largest = max(largest, *_sizes(state))
         found += [f"{name}: {fault}" for fault in _gained(values, state, largest)]
@@ -39,9 +38,7 @@ def lacking(outcome: Outcome) -> tuple[float, str]:
     The work of the forces that an equilibrium leaves unbalanced is one of the terms.
     """
     worst, line, largest = 0.0, "", 0.0
-    for name, state in outcome.stored.items():
-        if name == "grid":
-            continue
+    for name, state in outcome.states.items():
         largest = max(largest, *_sizes(state))
         happened = largest > float(state.attrs["energy_round_off"])
         share = abs(float(state.attrs["energy_left"])) / largest if happened else 0.0
@@ -58,7 +55,7 @@ def _mass(values: dict, grid: xr.Dataset, state: xr.Dataset):
     if (volume < 0.0).any():
         yield f"{(volume < 0.0).sum()} particles of negative volume"
     names = json.loads(attributes["material_names"])
-    density = np.array([number(values["materials"][name]["density"]) for name in names])
+    density = np.array([value_of(values["materials"][name]["density"]) for name in names])
     mass = float(np.sum(volume * density[state.material.values]))
     if not abs(attributes["mass"] - mass) <= MAX_MASS_ERROR * mass:
         yield f"mass {attributes['mass']:.10g} kg, its particles {mass:.10g} kg"

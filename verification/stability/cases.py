@@ -5,7 +5,13 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 from verification.rows import KnownMiss
-from verification.stability.judges import Judge
+from verification.stability.judges import Judge, closure_error, dimension_of, front_error
+
+# Allowed errors as shares of closure and front of a tunnel and a sphere: 0.4 of a cell, which is an eighth of a
+# tunnel's radius and a quarter of a sphere's.
+MAX_HOLE_ERROR = {2: 0.05, 3: 0.10}
+MAX_MOTION_DIFFERENCE = 1e-3  # Share of the largest motion between runs that must answer alike.
+LOOSE_TOLERANCE_MISS = KnownMiss("The loosest tolerance that is taken leaves a tenth of the load unbalanced.", 0.15)
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,16 @@ class Case:
     known: KnownMiss | None = None
     under: Callable[[], AbstractContextManager] = nullcontext
     refused: tuple[str, str] | None = None
+
+
+def closure_case(series: str, value: float, scene: dict, **options) -> Case:
+    """Case of a hole in elastic rock, judged by its closure. options: as Case."""
+    return Case(series, value, scene, closure_error, MAX_HOLE_ERROR[dimension_of(scene)], **options)
+
+
+def front_case(series: str, value: float, scene: dict, **options) -> Case:
+    """Case of a hole in Coulomb rock, judged by the front of its failed rock. options: as Case."""
+    return Case(series, value, scene, front_error, MAX_HOLE_ERROR[dimension_of(scene)], **options)
 
 
 @dataclass(frozen=True)

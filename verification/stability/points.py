@@ -1,5 +1,6 @@
-"""Runs of the cases. Each ends as one of KINDS; a fault is what must never happen."""
+"""Runs of the cases, and the kinds of their ends. A fault is what must never happen."""
 
+import functools
 import json
 import logging
 import math
@@ -29,7 +30,7 @@ RIGHT, SOUND, WRONG, ENDED, REFUSED, FAULT = (
     "refused and said why",
     "fault",
 )
-KINDS = (RIGHT, SOUND, WRONG, ENDED, REFUSED, FAULT)
+BALANCES = ("mass", "momentum_error", "net_force", "energy_left_share")
 MAX_RUNS_KEPT = 8  # Judges ask for the same run again.
 
 
@@ -63,17 +64,11 @@ class Runner:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.kept: dict[str, Outcome] = {}
+        self.kept = functools.lru_cache(MAX_RUNS_KEPT)(lambda text: run_stages(json.loads(text), folder))
 
     def __call__(self, values: dict) -> Outcome:
         """Outcome of a scene."""
-        key = json.dumps(values, sort_keys=True)
-        if key not in self.kept:
-            outcome = run_stages(values, self.folder)
-            while len(self.kept) >= MAX_RUNS_KEPT:
-                self.kept.pop(next(iter(self.kept)))
-            self.kept[key] = outcome
-        return self.kept[key]
+        return self.kept(json.dumps(values))
 
 
 def measure(knob: Knob) -> list[Point]:
@@ -107,7 +102,7 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     if case.judge is None:
         return (WRONG, lacks, line, facts) if line else (SOUND, math.nan, "", facts)
     error = case.judge(values, outcome, run)
-    attributes = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
+    attributes = [state.attrs for state in outcome.states.values()]
     cut = [f"labelled truncated: {state['truncated_where']}" for state in attributes if state["truncated"]]
     is_right = error <= case.allowed and not line
     kind = RIGHT if is_right else ENDED if cut else WRONG  # The label says that rock was kept from failing.
@@ -139,9 +134,8 @@ def _mistake(case: Case, run: Runner) -> tuple[str, float, str, dict]:
 
 def balances_of(outcome: Outcome) -> dict[str, float]:
     """Largest value of each balance over the states of a run."""
-    states = [state.attrs for name, state in outcome.stored.items() if name != "grid"]
-    names = ("mass", "momentum_error", "net_force", "energy_left_share")
-    return {name: float(np.max([state[name] for state in states])) for name in names} if states else {}
+    states = [state.attrs for state in outcome.states.values()]
+    return {name: float(np.max([state[name] for state in states])) for name in BALANCES} if states else {}
 
 
 def _point(knob: Knob, case: Case, kind: str, error: float, message: str, facts: dict, seconds: float) -> Point:
@@ -149,7 +143,7 @@ def _point(knob: Knob, case: Case, kind: str, error: float, message: str, facts:
     passed = VERDICTS[kind not in (WRONG, FAULT)]
     if kind == WRONG and case.known and error <= case.known.at_most:
         passed = KNOWN_MISS
-    facts = {name: facts.get(name, math.nan) for name in ("mass", "momentum_error", "net_force", "energy_left_share")}
+    facts = dict.fromkeys(BALANCES, math.nan) | facts
     return Point(
         knob.key, case.series, case.value, kind, error, case.allowed, message, known, passed, round(seconds, 2), **facts
     )

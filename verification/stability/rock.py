@@ -2,83 +2,87 @@
 
 from collections.abc import Iterator
 
-from verification.rows import KnownMiss
-from verification.scenes import MODULUS, PRESSURE, column, coulomb, elastic, failing, filled, hole
-from verification.stability.cases import Case, Knob
-from verification.stability.judges import (
-    closure_error,
-    front_error,
+from verification.scenes import (
+    MODULUS,
+    PRESSURE,
+    RADIUS,
+    column,
+    coulomb,
+    elastic,
+    failing,
+    filled,
+    hole,
+    lengths,
+    other_scheme,
+    quantity,
     replaced_by,
-    rise_error,
-    same_motion,
-    wall_error,
+    strengths,
+    tighter,
 )
+from verification.stability.cases import (
+    LOOSE_TOLERANCE_MISS,
+    MAX_HOLE_ERROR,
+    MAX_MOTION_DIFFERENCE,
+    Case,
+    Knob,
+    closure_case,
+    front_case,
+)
+from verification.stability.judges import closure_error, front_error, rise_error, same_motion, wall_error
 from verification.studies import merge
 
-# Allowed errors as shares. In closure and front 0.4 of a cell, an eighth of a tunnel's radius, a quarter of a sphere's.
-MAX_TUNNEL_ERROR, MAX_SPHERE_ERROR = 0.05, 0.10
+# Allowed errors as shares.
 MAX_BRITTLE_ERROR = 0.15  # Brittle fronts are ragged.
 MAX_WALL_ERROR = 0.10  # Share of the motion of failed rock. Cells at the wall are cut.
 MAX_RISE_ERROR = 1e-3  # Share of the rise. A column is exact but for the tolerance.
-MAX_MOTION_DIFFERENCE = 1e-3  # Share of the largest motion between runs that must answer alike.
-LOOSE_TOLERANCE_MISS = KnownMiss("The loosest tolerance that is taken leaves a tenth of the load unbalanced.", 0.15)
 # Faces keep their virgin traction, so that the hole is that in infinite rock for every Poisson's ratio.
 TRACTION_KEPT = {"boundary": "traction"}
 
 
 def stiffness() -> Iterator[Case]:
     for power in range(-8, 9, 2):
-        for dimension, title in ((2, "filled tunnel"), (3, "filled sphere")):
-            if dimension == 2 or power in (-8, 0, 8):
-                scene = filled(MODULUS * 10.0**power, dimension=dimension)
-                yield Case(
-                    title, 10.0**power, scene, closure_error, MAX_TUNNEL_ERROR if dimension == 2 else MAX_SPHERE_ERROR
-                )
+        contrast = 10.0**power
+        yield closure_case("filled tunnel", contrast, filled(MODULUS * contrast))
+        if power in (-8, 0, 8):
+            yield closure_case("filled sphere", contrast, filled(MODULUS * contrast, dimension=3))
         if abs(power) <= 4:
-            scene = filled(MODULUS * 10.0**power, solver={"scheme": "explicit"})
-            yield Case("filled tunnel, explicit", 10.0**power, scene, closure_error, MAX_TUNNEL_ERROR)
-        pressure = 1e-4 * MODULUS * min(1.0, 10.0**power)  # Strains of the softer layer stay small.
-        yield Case("two layers", 10.0**power, column(32, pressure, MODULUS * 10.0**power), rise_error, MAX_RISE_ERROR)
+            scene = filled(MODULUS * contrast, solver={"scheme": "explicit"})
+            yield closure_case("filled tunnel, explicit", contrast, scene)
+        pressure = 1e-4 * MODULUS * min(1.0, contrast)  # Strains of the softer layer stay small.
+        yield Case("two layers", contrast, column(32, pressure, MODULUS * contrast), rise_error, MAX_RISE_ERROR)
 
 
 def poisson() -> Iterator[Case]:
     for ratio in (0.0, 0.25, 0.4, 0.45, 0.49, 0.495, 0.499, 0.4999):
         host: dict = {"materials": {"host": elastic(poisson=ratio)}, "domain": TRACTION_KEPT}
-        yield Case("tunnel", ratio, hole(**host), closure_error, MAX_TUNNEL_ERROR)
-        scene = hole(**host, solver={"scheme": "explicit"})
-        yield Case("tunnel, explicit", ratio, scene, closure_error, MAX_TUNNEL_ERROR)
-        yield Case(
-            "tunnel, 4 particles", ratio, hole(**host, grid={"particles_per_cell": 4}), closure_error, MAX_TUNNEL_ERROR
-        )
+        yield closure_case("tunnel", ratio, hole(**host))
+        yield closure_case("tunnel, explicit", ratio, hole(**host, solver={"scheme": "explicit"}))
+        yield closure_case("tunnel, 4 particles", ratio, hole(**host, grid={"particles_per_cell": 4}))
         if ratio in (0.0, 0.4, 0.4999):
-            yield Case("sphere", ratio, hole(3, **host), closure_error, MAX_SPHERE_ERROR)
+            yield closure_case("sphere", ratio, hole(3, **host))
         scene = hole(frame={"surface": "1000000.0 m"}, materials=host["materials"])
         scene["domain"], scene["grid"] = {}, {"finest_cell": "0.5 m", "refinement": "static", "buffer_cells": 2}
-        yield Case("tunnel, domain derived", ratio, scene, closure_error, MAX_TUNNEL_ERROR)
-        rock = coulomb(poisson_ratio=ratio)
-        yield Case("plastic tunnel", ratio, failing(rock, domain=TRACTION_KEPT), front_error, MAX_TUNNEL_ERROR)
+        yield closure_case("tunnel, domain derived", ratio, scene)
+        yield front_case("plastic tunnel", ratio, failing(coulomb(poisson_ratio=ratio), domain=TRACTION_KEPT))
     for ratio in (0.49999, 0.5):
-        yield Case("tunnel", ratio, hole(materials={"host": elastic(poisson=ratio)}), closure_error, MAX_TUNNEL_ERROR)
+        yield closure_case("tunnel", ratio, hole(materials={"host": elastic(poisson=ratio)}))
 
 
 def friction() -> Iterator[Case]:
     for angle in (0.0, 1.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0):
         cohesion = 8e6 if angle < 20.0 else 3e6  # Rock of 3 MPa would fail up to the boundary.
         rock = coulomb(angle, cohesion, min(10.0, angle))
-        yield Case("plastic tunnel", angle, failing(rock), front_error, MAX_TUNNEL_ERROR)
-        scene = failing(rock, solver={"scheme": "explicit"})
-        yield Case("plastic tunnel, explicit", angle, scene, front_error, MAX_TUNNEL_ERROR)
+        yield front_case("plastic tunnel", angle, failing(rock))
+        yield front_case("plastic tunnel, explicit", angle, failing(rock, solver={"scheme": "explicit"}))
     for angle in (10.0, 30.0, 60.0):
-        rock = coulomb(angle, 6e6, min(10.0, angle))
-        yield Case("plastic sphere", angle, failing(rock, 3), front_error, MAX_SPHERE_ERROR)
+        yield front_case("plastic sphere", angle, failing(coulomb(angle, 6e6, min(10.0, angle)), 3))
 
 
 def cohesion() -> Iterator[Case]:
     for strength in (0.0, 1e3, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8):
         rock = coulomb(cohesion=strength)
-        yield Case("plastic tunnel", strength, failing(rock), front_error, MAX_TUNNEL_ERROR)
-        scene = failing(rock, solver={"scheme": "explicit"})
-        yield Case("plastic tunnel, explicit", strength, scene, front_error, MAX_TUNNEL_ERROR)
+        yield front_case("plastic tunnel", strength, failing(rock))
+        yield front_case("plastic tunnel, explicit", strength, failing(rock, solver={"scheme": "explicit"}))
 
 
 def dilation() -> Iterator[Case]:
@@ -97,39 +101,36 @@ def residual() -> Iterator[Case]:
         scene = failing(coulomb(share=share), pressure=12e6)
         yield Case("brittle tunnel, 12 MPa", share, scene, front_error, MAX_BRITTLE_ERROR)
     none: dict = {"friction_angle": {"residual": "0.0 deg"}, "dilation_angle": {"residual": "0.0 deg"}}
-    rock = coulomb(share=0.0, tension_cutoff={"intact": "1e6 Pa", "residual": "0.0 Pa"}, **none)
+    rock = coulomb(share=0.0, tension_cutoff=strengths("Pa", 1e6, 0.0), **none)
     yield Case("no strength at all is left", 0.0, failing(rock), None, 0.0)
 
 
 def stress() -> Iterator[Case]:
     for power in range(3, 11):
         pressure = 10.0**power
-        yield Case("tunnel", pressure, hole(pressure=pressure), closure_error, MAX_TUNNEL_ERROR)
-        yield Case("sphere", pressure, hole(3, pressure=pressure), closure_error, MAX_SPHERE_ERROR)
+        yield closure_case("tunnel", pressure, hole(pressure=pressure))
+        yield closure_case("sphere", pressure, hole(3, pressure=pressure))
         factor = pressure / PRESSURE
-        rock = coulomb(cohesion=3e6 * factor, youngs_modulus=f"{MODULUS * factor!r} Pa")
-        scene = failing(rock, pressure=pressure)
-        yield Case("plastic tunnel, rock to match", pressure, scene, front_error, MAX_TUNNEL_ERROR)
-        scene = failing(coulomb(), pressure=pressure)
-        yield Case("plastic tunnel, rock as it is", pressure, scene, front_error, MAX_TUNNEL_ERROR)
+        rock = coulomb(cohesion=3e6 * factor, youngs_modulus=quantity(MODULUS * factor, "Pa"))
+        yield front_case("plastic tunnel, rock to match", pressure, failing(rock, pressure=pressure))
+        yield front_case("plastic tunnel, rock as it is", pressure, failing(coulomb(), pressure=pressure))
 
 
 def size() -> Iterator[Case]:
     for width in (1e-3, 1e-2, 1.0, 96.0, 1e3, 1e4, 1e5):
         scale = width / 96.0
-        yield Case("tunnel", width, hole(scale=scale), closure_error, MAX_TUNNEL_ERROR)
-        yield Case("plastic tunnel", width, failing(coulomb(), scale=scale), front_error, MAX_TUNNEL_ERROR)
+        yield closure_case("tunnel", width, hole(scale=scale))
+        yield front_case("plastic tunnel", width, failing(coulomb(), scale=scale))
         if width in (1e-3, 1e5):
-            yield Case("sphere", width, hole(3, scale=scale), closure_error, MAX_SPHERE_ERROR)
+            yield closure_case("sphere", width, hole(3, scale=scale))
 
 
 def offset() -> Iterator[Case]:
     for distance in (1e3, 1e4, 1e5, 1e6, 1e7, 9e7):
-        judge = same_motion(replaced_by(hole()))
-        yield Case("tunnel, cells exact in binary", distance, hole(offset=distance), judge, MAX_MOTION_DIFFERENCE)
-        judge = same_motion(replaced_by(hole(scale=0.1)))
-        yield Case("tunnel, cells of 0.05 m", distance, hole(scale=0.1, offset=distance), judge, MAX_MOTION_DIFFERENCE)
-        yield Case("plastic tunnel", distance, failing(coulomb(), offset=distance), front_error, MAX_TUNNEL_ERROR)
+        for scale, series in ((1.0, "tunnel, cells exact in binary"), (0.1, "tunnel, cells of 0.05 m")):
+            judge = same_motion(replaced_by(hole(scale=scale)))
+            yield Case(series, distance, hole(scale=scale, offset=distance), judge, MAX_MOTION_DIFFERENCE)
+        yield front_case("plastic tunnel", distance, failing(coulomb(), offset=distance))
 
 
 def levels() -> Iterator[Case]:
@@ -137,41 +138,36 @@ def levels() -> Iterator[Case]:
         for buffer in (1, 3):
             grid = {"coarse_cell": "32.0 m", "levels": count, "buffer_cells": buffer}
             cell = 32.0 / 2 ** (count - 1)
-            allowed = max(MAX_TUNNEL_ERROR, 0.4 * cell / 4.0)  # A wall may be wrong by 0.4 of a cell.
+            allowed = max(MAX_HOLE_ERROR[2], 0.4 * cell / RADIUS)  # A wall may be wrong by 0.4 of a cell.
             yield Case(f"tunnel, {buffer} rings", count, hole(grid=grid), closure_error, allowed)
     for count in (2, 3, 4):
-        scene = hole(3, grid={"coarse_cell": f"{2.0 ** (count - 1)!r} m", "levels": count})
-        if 48 % 2 ** (count - 1) == 0:
-            yield Case("sphere", count, scene, closure_error, MAX_SPHERE_ERROR)
+        coarse = 2.0 ** (count - 1)
+        yield closure_case("sphere", count, hole(3, grid={"coarse_cell": quantity(coarse, "m"), "levels": count}))
 
 
 def length() -> Iterator[Case]:
     for height in (8, 32, 128, 512, 2048, 8192):
-        pressure = PRESSURE * min(1.0, 128 / height)  # The column must not rise by more than a cell.
-        yield Case("column of 2 cells", height, column(height, pressure), rise_error, MAX_RISE_ERROR)
-        tight = merge(column(height, pressure), {"solver": {"tolerance": 1e-9}})
-        yield Case("the same to 1e-9", height, tight, rise_error, MAX_RISE_ERROR)
+        scene = column(height, PRESSURE * min(1.0, 128 / height))  # It must not rise by more than a cell.
+        yield Case("column of 2 cells", height, scene, rise_error, MAX_RISE_ERROR)
+        yield Case("the same to 1e-9", height, tighter(scene), rise_error, MAX_RISE_ERROR)
         if height <= 128:
-            explicit = merge(column(height), {"solver": {"scheme": "explicit"}})
-            yield Case("the same, explicit", height, explicit, rise_error, MAX_RISE_ERROR)
+            yield Case("the same, explicit", height, other_scheme(scene), rise_error, MAX_RISE_ERROR)
     for width in (8.0, 64.0, 512.0):
-        scene = hole(domain={"lower": [f"{-4 * width!r} m", "-16.0 m"], "upper": [f"{4 * width!r} m", "16.0 m"]})
+        scene = hole(domain={"lower": lengths([-4 * width, -16]), "upper": lengths([4 * width, 16])})
         judge = same_motion(lambda values: merge(values, {"solver": {"scheme": "multigrid", "tolerance": 1e-9}}))
         yield Case("tunnel in a strip, beside 1e-9", width / 4, scene, judge, 0.01)
 
 
 def tolerance() -> Iterator[Case]:
+    judge = same_motion(lambda values: merge(values, {"solver": {"tolerance": 1e-11, "scheme": "multigrid"}}))
     for power in range(-1, -16, -1):
+        known = LOOSE_TOLERANCE_MISS if power == -1 else None
         for scheme in ("multigrid", "explicit"):
             scene = hole(solver={"tolerance": 10.0**power, "scheme": scheme, "max_iterations": 20000})
-            judge = same_motion(lambda values: merge(values, {"solver": {"tolerance": 1e-11, "scheme": "multigrid"}}))
-            known = LOOSE_TOLERANCE_MISS if power == -1 else None
             yield Case(f"tunnel, {scheme}", 10.0**power, scene, judge, 0.01, known)
-        solver = {"tolerance": 10.0**power, "max_iterations": 5000}
-        yield Case(
-            "plastic tunnel", 10.0**power, failing(coulomb(), solver=solver), front_error, MAX_TUNNEL_ERROR, known
-        )
-    yield Case("tunnel, multigrid", 1e-16, hole(solver={"tolerance": 1e-16}), closure_error, MAX_TUNNEL_ERROR)
+        scene = failing(coulomb(), solver={"tolerance": 10.0**power, "max_iterations": 5000})
+        yield front_case("plastic tunnel", 10.0**power, scene, known=known)
+    yield closure_case("tunnel, multigrid", 1e-16, hole(solver={"tolerance": 1e-16}))
 
 
 ROCK = (

@@ -11,21 +11,29 @@ from unittest.mock import patch
 import numpy as np
 
 from mpm_core.equilibrium import body
+from verification.extremes.outcomes import LAST
 from verification.rows import KnownMiss
-from verification.scenes import ADAPTIVE, coulomb, failing, hole, section
-from verification.stability.cases import Case, Knob
-from verification.stability.judges import (
-    closure_error,
+from verification.scenes import (
+    ADAPTIVE,
+    coulomb,
+    failing,
     finer,
-    front_error,
+    hole,
     mirrored,
     other_scheme,
     replaced_by,
-    same_fact,
-    same_motion,
+    section,
     tighter,
 )
-from verification.stability.rock import LOOSE_TOLERANCE_MISS, MAX_MOTION_DIFFERENCE, MAX_TUNNEL_ERROR
+from verification.stability.cases import (
+    LOOSE_TOLERANCE_MISS,
+    MAX_MOTION_DIFFERENCE,
+    Case,
+    Knob,
+    closure_case,
+    front_case,
+)
+from verification.stability.judges import same_fact, same_motion
 
 MAX_CHANGE_ON_FINER_CELLS = 0.15  # Share of the energy set in motion. Corners of openings converge slowly.
 # Share of the largest motion. In perfectly plastic rock the schemes reach different equilibria within the tolerance.
@@ -84,42 +92,29 @@ WALL_OFFSETS = (0.0, 1e-12, 1e-6, 0.125, 0.25, 0.5, 0.75, 1.0 - 1e-12)  # Shares
 
 
 def shapes() -> Iterator[Case]:
+    mirror_image, schemes = same_motion(mirrored, turn=-1), same_motion(other_scheme)
     for title, boxes in BOXES.items():
         scene = section(boxes)
         yield Case("beside a tolerance of 1e-9", title, scene, same_motion(tighter), MAX_MOTION_DIFFERENCE)
-        explicit = other_scheme(scene)
-        known = HANGING if title == "a block on one cell" else None
-        yield Case(
-            "explicit, beside multigrid", title, explicit, same_motion(other_scheme), MAX_MOTION_DIFFERENCE, known
-        )
-        known = CRUMBS if title == "a pillar of a tenth of a cell" else None
-        yield Case(
-            "beside its mirror image", title, scene, same_motion(mirrored, turn=-1), MAX_MOTION_DIFFERENCE, known
-        )
+        explicit, known = other_scheme(scene), HANGING if title == "a block on one cell" else None
+        yield Case("explicit, beside multigrid", title, explicit, schemes, MAX_MOTION_DIFFERENCE, known)
+        crumbs = CRUMBS if title == "a pillar of a tenth of a cell" else None
+        yield Case("beside its mirror image", title, scene, mirror_image, MAX_MOTION_DIFFERENCE, crumbs)
         known = ONE_CELL if title == "one cell" else None
         yield Case("beside finer cells", title, scene, same_fact(MOTION, finer), MAX_CHANGE_ON_FINER_CELLS, known)
         scene = section(boxes, coulomb(cohesion=6e6))
-        judge = same_motion(other_scheme, stage="last")
+        judge = same_motion(other_scheme, stage=LAST)
         known = AT_CORNERS if title in UNLIKE else None
         yield Case("plastic, beside the other scheme", title, scene, judge, MAX_PLASTIC_DIFFERENCE, known)
         free = section(boxes, domain=FREE)
-        known = CRUMBS if title == "a pillar of a tenth of a cell" else None
-        yield Case(
-            "held at the floor alone, mirror image",
-            title,
-            free,
-            same_motion(mirrored, turn=-1),
-            MAX_MOTION_DIFFERENCE,
-            known,
-        )
+        yield Case("held at the floor alone, mirror image", title, free, mirror_image, MAX_MOTION_DIFFERENCE, crumbs)
         scene = section(boxes, coulomb(cohesion=6e6, share=0.3), solver={"increments": 0}, grid=ADAPTIVE)
         yield Case("brittle", title, scene, None, 0.0)
 
 
 def walls() -> Iterator[Case]:
-    on_faces = replaced_by(section([(-6, 10, 2, 16)]))
+    judge = same_fact(MOTION, replaced_by(section([(-6, 10, 2, 16)])))
     for share in WALL_OFFSETS:
-        judge = same_fact(MOTION, on_faces)
         for cut in ("mean", "whole", "subdivide"):
             scene = section([(-6 + share, 10, 2 + share, 16)], grid={"cut_cells": cut})
             known = HALF_WAY if (cut, share) == ("whole", 0.5) else None
@@ -139,21 +134,19 @@ def time_step() -> Iterator[Case]:
     limit = {"scheme": "explicit", "max_iterations": 5000}
     for factor in (0.1, 0.2, 0.4, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.1, 1.2, 1.5):
         under = partial(courant, factor, 0.7)
-        yield Case("tunnel", factor, hole(solver=limit), closure_error, MAX_TUNNEL_ERROR, under=under)
-        yield Case(
-            "plastic tunnel", factor, failing(coulomb(), solver=limit), front_error, MAX_TUNNEL_ERROR, under=under
-        )
+        yield closure_case("tunnel", factor, hole(solver=limit), under=under)
+        yield front_case("plastic tunnel", factor, failing(coulomb(), solver=limit), under=under)
         moving: dict = {"solver": limit | {"move": True}, "grid": {"particles_per_cell": 4, "cut_cells": "whole"}}
-        yield Case("tunnel, particles move", factor, hole(**moving), closure_error, MAX_TUNNEL_ERROR, under=under)
+        yield closure_case("tunnel, particles move", factor, hole(**moving), under=under)
 
 
 def damping() -> Iterator[Case]:
     for share in (0.0, 0.01, 0.1, 0.3, 0.5, 0.7, 0.85, 0.95, 0.99, 1.0):
         solver = {"scheme": "explicit", "damping": share, "max_iterations": 5000}
-        yield Case("tunnel", share, hole(solver=solver), closure_error, MAX_TUNNEL_ERROR)
-        yield Case("tunnel, densities as they are", share, hole(solver=solver | {"density_scaling": False}),
-                   closure_error, MAX_TUNNEL_ERROR)  # fmt: skip
-        yield Case("plastic tunnel", share, failing(coulomb(), solver=solver), front_error, MAX_TUNNEL_ERROR)
+        yield closure_case("tunnel", share, hole(solver=solver))
+        unscaled = solver | {"density_scaling": False}
+        yield closure_case("tunnel, densities as they are", share, hole(solver=unscaled))
+        yield front_case("plastic tunnel", share, failing(coulomb(), solver=solver))
 
 
 @contextmanager
@@ -171,14 +164,15 @@ def single_precision() -> Iterator[None]:
 
 
 def float32() -> Iterator[Case]:
+    judge = same_motion(replaced_by(hole(solver={"tolerance": 1e-11})))
     for power in range(-1, -11, -1):
+        known = LOOSE_TOLERANCE_MISS if power == -1 else None
+        solver = {"tolerance": 10.0**power, "scheme": "multigrid", "max_iterations": 5000}
         for scheme in ("multigrid", "explicit"):
-            solver = {"tolerance": 10.0**power, "scheme": scheme, "max_iterations": 5000}
-            judge = same_motion(replaced_by(hole(solver={"tolerance": 1e-11})))
-            scene, known = hole(solver=solver), LOOSE_TOLERANCE_MISS if power == -1 else None
+            scene = hole(solver=solver | {"scheme": scheme})
             yield Case(f"tunnel, {scheme}", 10.0**power, scene, judge, 0.01, known, under=single_precision)
-        scene = failing(coulomb(), solver=solver | {"scheme": "multigrid"})
-        yield Case("plastic tunnel", 10.0**power, scene, front_error, MAX_TUNNEL_ERROR, known, under=single_precision)
+        scene = failing(coulomb(), solver=solver)
+        yield front_case("plastic tunnel", 10.0**power, scene, known=known, under=single_precision)
 
 
 SHAPES = (
