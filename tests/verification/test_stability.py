@@ -4,6 +4,7 @@ import itertools
 from dataclasses import asdict
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from common.errors import InputError
@@ -227,7 +228,8 @@ def results_of(**kinds: str) -> dict[str, list[dict]]:
 
 
 def test_stretches_of_a_series_are_told_with_their_largest_error():
-    told = [(row["from"], row["to"], row["ends"], row["largest_error"]) for row in ranges(made_up("stress", "rrwwe"))]
+    found = ranges(pd.DataFrame(made_up("stress", "rrwwe")))
+    told = list(found[["from", "to", "ends", "largest_error"]].itertuples(index=False, name=None))
     assert told[:2] == [(0.0, 1.0, RIGHT, 0.01), (2.0, 3.0, WRONG, 0.03)]
     assert told[2][:3] == (4.0, 4.0, ENDED)
     assert np.isnan(told[2][3])

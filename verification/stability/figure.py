@@ -19,6 +19,7 @@ LOOKS = {  # Mark and colour of each kind, in the palette of Okabe and Ito (2008
 COLUMNS = 3
 MIN_DRAWN_ERROR = 1e-9  # Smaller errors are round-off and stand at the lower edge.
 BANDS = {SOUND: 2e1, ENDED: 2e2, REFUSED: 2e3, FAULT: 2e4}  # Heights of points that have no error.
+BAND_NAMES = ("sound", "ended", "refused", "fault")
 AXIS_TOP = 1e5
 ERROR_TICKS = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
 
@@ -38,28 +39,21 @@ def draw(knobs: list[tuple[Knob, list[Point]]]) -> Figure:
     return figure
 
 
-def places(knob: Knob, points: list[Point]) -> tuple[dict, list]:
-    """Place of each value on the axis of its knob, and the words of its ticks, which are evenly spaced."""
-    values = list(dict.fromkeys(point.value for point in points))
-    if knob.scale == "words":
-        return {value: float(index) for index, value in enumerate(values)}, values
-    return {value: float(value) for value in values}, []
-
-
 def _draw(panel: Axes, knob: Knob, points: list[Point]) -> None:
-    where, words = places(knob, points)
     series = list(dict.fromkeys(point.series for point in points))
+    # Values that are words are evenly spaced, and their series stand beside each other.
+    words = list(dict.fromkeys(point.value for point in points)) if knob.scale == "words" else []
     spread = 0.25 if words else 0.0
     for point in points:
         shift = spread * (series.index(point.series) / max(1, len(series) - 1) - 0.5) * 2
         mark, colour = LOOKS[point.kind]
-        x = where[point.value] + shift
+        x = (words.index(point.value) if words else float(point.value)) + shift
         y = BANDS.get(point.kind) or float(np.clip(point.error, MIN_DRAWN_ERROR, 10.0))
         panel.plot(x, y, mark, color=colour, markersize=4.5, alpha=0.8, markeredgewidth=0.0)
         if point.kind in (RIGHT, WRONG) and point.allowed > 0.0:
             panel.plot(x, point.allowed, "_", color="#444444", markersize=6, zorder=1)
     panel.set(yscale="log", ylim=(MIN_DRAWN_ERROR / 3, AXIS_TOP), title=f"{knob.title[0].upper()}{knob.title[1:]}")
-    panel.set_yticks([*ERROR_TICKS, *BANDS.values()], [*(f"{error:.0e}" for error in ERROR_TICKS), *map(_short, BANDS)])
+    panel.set_yticks([*ERROR_TICKS, *BANDS.values()], [*(f"{error:.0e}" for error in ERROR_TICKS), *BAND_NAMES])
     panel.minorticks_off()
     panel.axhspan(1.2e1, AXIS_TOP, color="#f4f4f4", zorder=0)
     if words:
@@ -67,10 +61,6 @@ def _draw(panel: Axes, knob: Knob, points: list[Point]) -> None:
         panel.tick_params(axis="x", labelsize=6.5)
     elif knob.scale == "log":
         panel.set_xscale("log")
-
-
-def _short(kind: str) -> str:
-    return {SOUND: "sound", ENDED: "ended", REFUSED: "refused", FAULT: "fault"}[kind]
 
 
 def _tick(word) -> str:

@@ -1,6 +1,5 @@
 """The study of the limits of the numerics: a case for each knob, a row for each run of it."""
 
-from collections import defaultdict
 from dataclasses import asdict
 
 import numpy as np
@@ -15,7 +14,14 @@ from verification.stability.points import FAULT, RIGHT, WRONG, Point, measure
 
 NO_AXIS = "none"  # Scale of a knob that no panel shows.
 RANGES = "ranges"
-RANGE_COLUMNS = ("knob", "series", "from", "to", "ends", "largest_error")
+RANGE_COLUMNS = {  # Column of a stretch: that of its runs, and what it takes of them.
+    "knob": ("knob", "first"),
+    "series": ("series", "first"),
+    "from": ("value", "first"),
+    "to": ("value", "last"),
+    "ends": ("kind", "first"),
+    "largest_error": ("error", "max"),
+}
 
 
 def measure_case(key: str, inputs: Inputs, threads: int) -> list[dict]:
@@ -23,48 +29,34 @@ def measure_case(key: str, inputs: Inputs, threads: int) -> list[dict]:
     return [asdict(point) for point in measure(knob_of(key))]
 
 
-def points_of(results: CaseResults) -> dict[str, list[Point]]:
-    """Points of each knob by its key."""
-    return {key: [Point(**point) for point in points] for key, points in results.items()}
-
-
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
     """The table of all runs, and that of the stretches of each series that ended in one way."""
-    groups = points_of(results).values()
-    rows = pd.DataFrame([asdict(point) for points in groups for point in points])
-    stretches = [row for points in groups for row in ranges(points)]
-    return {"table": rows, RANGES: pd.DataFrame(stretches, columns=list(RANGE_COLUMNS))}
+    runs = pd.DataFrame([point for points in results.values() for point in points])
+    return {"table": runs, RANGES: ranges(runs)}
 
 
 def figures(results: CaseResults) -> dict[str, Figure]:
     """Errors along each knob; no figure where no knob has an axis."""
-    groups = points_of(results)
-    drawn = [(knob, points) for key, points in groups.items() if (knob := knob_of(key)).scale != NO_AXIS]
+    drawn = [(knob_of(key), [Point(**point) for point in points]) for key, points in results.items() if has_axis(key)]
     return {"figure": draw(drawn)} if drawn else {}
 
 
-def ranges(points: list[Point]) -> list[dict]:
-    """Stretches of one kind in each series of a knob, in its order, with the largest error where runs have one.
+def has_axis(key: str) -> bool:
+    """Whether the knob of a key has an axis, along which its runs are in order."""
+    return knob_of(key).scale != NO_AXIS
 
-    A knob without an axis has none.
+
+def ranges(runs: pd.DataFrame) -> pd.DataFrame:
+    """Stretches of one kind in each series, in its order, with the largest error where runs have one.
+
+    runs: columns as the fields of Point. Knobs without an axis have no stretches.
     """
-    if knob_of(points[0].knob).scale == NO_AXIS:
-        return []
-    series: dict[str, list[list[Point]]] = defaultdict(list)
-    for point in points:
-        stretches = series[point.series]
-        if stretches and stretches[-1][-1].kind == point.kind:
-            stretches[-1].append(point)
-        else:
-            stretches.append([point])
-    return [_range(stretch) for stretches in series.values() for stretch in stretches]
-
-
-def _range(stretch: list[Point]) -> dict:
-    first, last = stretch[0], stretch[-1]
-    errors = [point.error for point in stretch if np.isfinite(point.error)] if first.kind in (RIGHT, WRONG) else []
-    row = {"knob": first.knob, "series": first.series, "from": first.value, "to": last.value, "ends": first.kind}
-    return row | {"largest_error": max(errors, default=np.nan)}
+    runs = runs[runs["knob"].map(has_axis).astype(bool)]
+    runs = runs.assign(number=runs.groupby(["knob", "series"], sort=False).ngroup())
+    runs = runs.sort_values("number", kind="stable")
+    runs["error"] = runs["error"].where(runs["kind"].isin([RIGHT, WRONG]) & np.isfinite(runs["error"]))
+    begins = (runs[["number", "kind"]] != runs[["number", "kind"]].shift()).any(axis=1)
+    return runs.groupby(begins.cumsum()).agg(**RANGE_COLUMNS).reset_index(drop=True).infer_objects()
 
 
 NAMES = ("knob", "series", "value", "kind")
@@ -81,11 +73,7 @@ STUDY = MeasuringStudy(
     shown=(
         ENDS,
         MISSES,
-        Columns(
-            "Along each setting, and the largest error as a share",
-            RANGE_COLUMNS,
-            file=RANGES,
-        ),
+        Columns("Along each setting, and the largest error as a share", tuple(RANGE_COLUMNS), file=RANGES),
     ),
     names=NAMES,
 )
