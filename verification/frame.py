@@ -90,6 +90,11 @@ def write_tables(study: str, cases: list[str], table: Path) -> None:
     made.write(table)
 
 
+def read_study(name: str) -> Results:
+    """Results of a study of config/verification, in the folder in which the workflow runs."""
+    return read_results(load_study(FOLDER / f"{name}.yaml"), RESULTS / name, LOGS / name)
+
+
 def write_answer(name: str, table: Path, figure: Path, costs: Path) -> None:
     """Write the rows of a study with their verdicts, its figure, and the costs of its variants.
 
@@ -97,8 +102,8 @@ def write_answer(name: str, table: Path, figure: Path, costs: Path) -> None:
     """
     from catalogs.figures import style
 
-    study = load_study(FOLDER / f"{name}.yaml")
-    results = read_results(study, RESULTS / name, LOGS / name)
+    results = read_study(name)
+    study = results.study
     module = importlib.import_module(f"verification.answers.{study.answer}")
     with style.applied():
         rows, drawn = module.answer(results)

@@ -8,11 +8,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import PolyCollection
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
@@ -24,6 +25,7 @@ SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 BAR = "|"  # The mark of means and bounds among the points of a name.
 NOTE_OFFSETS = ((5, 3, "left"), (5, -9, "left"), (-5, 3, "right"), (-5, -9, "right"))  # By series, points.
 FEW_POINTS = 300  # A series of more points is drawn with small marks, as pixels.
+MAX_SPAN_WITH_TICKS_BETWEEN = 300.0  # Largest over least value of a logarithmic axis.
 SECTION_PIXELS = 240  # Along each side.
 
 # Places x (k,) and values y (k,) by the name of what they belong to.
@@ -92,11 +94,23 @@ def plot_convergence(axes: Axes, series: Curves, order: float, name: str = "", t
 
 def plain_decades(axes: Axes) -> None:
     """Write the ticks of logarithmic axes as plain numbers, at 1, 2 and 5 on the vertical one, over a light grid."""
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
-        axis.set_minor_formatter(NullFormatter())
+    plain_ticks(axes.xaxis, False, "{x:,.10g}")
+    plain_ticks(axes.yaxis, True, "{x:,.10g}")
     axes.grid(which="major", **GRID)
+
+
+def plain_ticks(axis: Axis, between: bool | None = None, text: str = "{x:g}") -> None:
+    """Write the ticks of a logarithmic axis as plain numbers.
+
+    between: whether 2 and 5 of each decade have ticks as well as 1; None takes them where the view, which must be
+    drawn already, spans few decades. text: format of the number x.
+    """
+    if between is None:
+        low, high = axis.get_view_interval()
+        between = high / low < MAX_SPAN_WITH_TICKS_BETWEEN
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if between else (1.0,)))
+    axis.set_major_formatter(text)
+    axis.set_minor_formatter(NullFormatter())
 
 
 def plot_errors(

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from catalogs.figures import style
 from verification.benchmarks.measuring import DONE, FAILED, LEFT_OUT, NOT_RUN, STOPPED, measure
@@ -129,7 +128,7 @@ def draw(settings: Settings, table: pd.DataFrame) -> Figure:
         closure.set(xlabel="cells of rock, all of them finest ones")
         for panel in (cost, closure):
             panel.grid(which="major", color="#e2e2e2", linewidth=0.6)
-        cost.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        cost.yaxis.set_major_formatter("{x:g}")
     axes[0, 0].set_ylabel("wall time per cell (µs)")
     axes[1, 0].set_ylabel("closure of the side walls (mm)")
     lines = {text: line for panel in axes[0] for line, text in zip(*panel.get_legend_handles_labels(), strict=True)}

@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from catalogs.figures import style
+from verification.plots import plain_ticks
 from verification.tradeoff.knobs import BY_KEY, KNOBS
 from verification.tradeoff.measures import ITSELF
 from verification.tradeoff.points import Point
@@ -66,19 +66,18 @@ def prices(panel: Axes, scene: Scene) -> None:
     panel.set(xscale="log", yscale="log", title="Error against processor time")
     panel.set_xlabel("processor time of all stages, less the start of their processes (s)")
     panel.set_ylabel(f"error of {scene.main.title} (%)")
-    _plain(panel.xaxis)
-    _plain(panel.yaxis)
+    plain_ticks(panel.xaxis)
+    plain_ticks(panel.yaxis)
 
 
 def changes(panel: Axes, scene: Scene) -> None:
     """Change of the main measure against the gain in speed, for each value of a knob, log-log."""
     for line in scene.lines:
-        others = [member for member in line.members if member is not line.anchor]
-        moved = [100 * max(MIN_DRAWN_CHANGE, abs(scene.change(line, member))) for member in others]
-        fast = [scene.speed(line, member) for member in others]
+        moved = [100 * max(MIN_DRAWN_CHANGE, abs(scene.change(line, member))) for member in line.others]
+        fast = [scene.speed(line, member) for member in line.others]
         title = BY_KEY[line.knob].title + ("*" if line.beside else "")
         _plot(panel, fast, moved, line, title, linestyle="none")
-        for member, x, y in zip(others, fast, moved, strict=True):
+        for member, x, y in zip(line.others, fast, moved, strict=True):
             if x > scene.clear or y > 5.0:
                 text = BY_KEY[line.knob].text(member.settings[line.knob])
                 panel.annotate(text, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7, color="#444444")
@@ -89,8 +88,8 @@ def changes(panel: Axes, scene: Scene) -> None:
     what = "change of the error" if scene.main.kind == ITSELF else "change"
     panel.set_ylabel(f"{what} of {scene.main.title} (%)")
     panel.text(0.01, 0.01, "at the bottom: this or less", transform=panel.transAxes, fontsize=7.5, color="#666666")
-    _plain(panel.xaxis)
-    _plain(panel.yaxis)
+    plain_ticks(panel.xaxis)
+    plain_ticks(panel.yaxis)
 
 
 def _error(scene: Scene, point: Point) -> float:
@@ -99,12 +98,3 @@ def _error(scene: Scene, point: Point) -> float:
 
 def _plot(panel: Axes, x: list, y: list, line: Line, label: str | None, linestyle: str = "-") -> None:
     panel.plot(x, y, linestyle=linestyle, linewidth=1.0, markersize=5, label=label, **LOOKS[line.knob])
-
-
-def _plain(axis) -> None:
-    """Plain numbers at the ticks, at 1, 2 and 5 where there are few decades."""
-    low, high = axis.get_view_interval()
-    few = high / low < 300
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())

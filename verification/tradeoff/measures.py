@@ -24,6 +24,11 @@ class Measure:
     kind: str = RELATIVE
     smooth: bool = True
 
+    @property
+    def column(self) -> str:
+        """Its column of the table, whose name holds the unit."""
+        return self.key if self.unit == "1" else f"{self.key}_{self.unit}"
+
     def error(self, value: float, truth: float) -> float:
         """Error of a value: a share for kind relative, else in the measure's unit. NaN where either is NaN."""
         if self.kind == ITSELF:

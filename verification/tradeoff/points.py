@@ -42,14 +42,13 @@ class Point:
 class Points:
     """Points of one study. exact: values of measures in closed form."""
 
-    study: str
     exact: dict[str, float]
     points: list[Point]
 
     @classmethod
     def read(cls, given: dict[str, Any]) -> "Points":
         """From what `asdict` made of them."""
-        return cls(given["study"], given["exact"], [Point(**point) for point in given["points"]])
+        return cls(given["exact"], [Point(**point) for point in given["points"]])
 
 
 def measure_study(results: Results) -> Points:
@@ -64,7 +63,7 @@ def measure_study(results: Results) -> Points:
         points.append(_point(name, variant, measures, results.study.events))
         if name not in results.settings.get("limit", []):
             variant.kept.clear()  # States are large.
-    return Points(results.study.name, exact, points)
+    return Points(exact, points)
 
 
 def _point(name: str, variant: Variant, measures: dict[str, float], with_events: bool) -> Point:

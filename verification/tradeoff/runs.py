@@ -1,6 +1,7 @@
 """The runs of a scene compared: errors, noise, the Pareto front, and lines of runs that differ by one knob."""
 
 from collections import defaultdict
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -49,6 +50,11 @@ class Line:
     anchor: Point
     beside: str
 
+    @property
+    def others(self) -> list[Point]:
+        """The members beside the anchor."""
+        return [member for member in self.members if member is not self.anchor]
+
 
 class Scene:
     """A study's points and what follows from them. Raises InputError where its base or limit names no variant."""
@@ -91,10 +97,7 @@ class Scene:
     @cached_property
     def _of_rock(self) -> dict[tuple, list[Point]]:
         """Runs grouped by their rock: repeated runs share it, and those that differ only in how they count events."""
-        groups = defaultdict(list)
-        for point in self.points:
-            groups[_rock(point)].append(point)
-        return groups
+        return _grouped(self.points, _rock)
 
     def _works(self, point: Point) -> list[float]:
         """Work of all runs with the rock of this one whose logs state it."""
@@ -189,10 +192,7 @@ class Scene:
     @cached_property
     def distinct(self) -> list[Point]:
         """The first of all runs with the same settings."""
-        firsts: dict[tuple, Point] = {}
-        for point in self.points:
-            firsts.setdefault(tuple(point.settings.values()), point)
-        return list(firsts.values())
+        return [group[0] for group in _grouped(self.points, _settings_without).values()]
 
     @cached_property
     def lines(self) -> list[Line]:
@@ -200,12 +200,8 @@ class Scene:
         return [line for knob in KNOBS if (line := self._line(knob.key))]
 
     def _line(self, knob: str) -> Line | None:
-        groups = defaultdict(list)
-        for point in self.distinct:
-            groups[tuple(value for key, value in point.settings.items() if key != knob)].append(point)
-        base = self.base.settings
-        found = []
-        for members in groups.values():
+        base, found = self.base.settings, []
+        for members in _grouped(self.distinct, lambda point: _settings_without(point, {knob})).values():
             anchors = [point for point in members if point.settings[knob] == base[knob]]
             if len(members) > 1 and anchors:
                 others = [key for key in changed(anchors[0].settings, base) if key != knob]
@@ -214,9 +210,22 @@ class Scene:
         return min(found, key=lambda line: (bool(line.beside), -len(line.members)), default=None)
 
 
+def _grouped(points: list[Point], key: Callable[[Point], tuple]) -> dict[tuple, list[Point]]:
+    """Points by their key, groups in the order of their first points."""
+    groups = defaultdict(list)
+    for point in points:
+        groups[key(point)].append(point)
+    return groups
+
+
+def _settings_without(point: Point, knobs: Container[str] = ()) -> tuple:
+    """Settings of a run but those of these knobs."""
+    return tuple(value for key, value in point.settings.items() if key not in knobs)
+
+
 def _rock(point: Point) -> tuple:
     """Settings that determine the rock of a run."""
-    return tuple(value for key, value in point.settings.items() if key not in SEISMIC)
+    return _settings_without(point, SEISMIC)
 
 
 def _place(value: float | str) -> tuple:

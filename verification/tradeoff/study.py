@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from verification.frame import LOGS, RESULTS, CaseResults, Inputs, MeasuringStudy
+from verification.frame import CaseResults, Inputs, MeasuringStudy, read_study
 from verification.page_tables import Columns, Cross
-from verification.results import read_results
 from verification.studies import FOLDER, load_study
 from verification.tradeoff.figure import draw
 from verification.tradeoff.knobs import BY_KEY, CHOSEN, KNOBS, changed
@@ -27,8 +26,7 @@ TRUTH_COLUMNS = ("scene", "measure", "unit", "truth", "order", "finest_from_trut
 
 def measure_case(name: str, inputs: Inputs, threads: int) -> dict:
     """Results and costs of the runs of one scene."""
-    study = load_study(FOLDER / f"{name}.yaml")
-    return asdict(measure_study(read_results(study, RESULTS / name, LOGS / name)))
+    return asdict(measure_study(read_study(name)))
 
 
 def scenes_of(results: CaseResults) -> list[Scene]:
@@ -58,10 +56,10 @@ def make_table(scenes: list[Scene]) -> pd.DataFrame:
     by which runs of the scene are compared. preset: of the base and of runs by the key `accuracy`. beaten_by: the
     quickest run on the Pareto front that costs and errs no more. noise: slowest over quickest run of the base's rock.
     """
-    rows = []
+    rows, measures = [], [m for m in MEASURES.values() if any(m in scene.measures for scene in scenes)]
     for scene in scenes:
         for point, is_front in zip(scene.points, scene.front, strict=True):
-            row = {
+            row: dict[str, float | str] = {
                 "scene": scene.study.name,
                 "variant": point.variant,
                 "accuracy": point.accuracy,
@@ -82,24 +80,12 @@ def make_table(scenes: list[Scene]) -> pd.DataFrame:
                 "beaten_by": scene.label(better) if (better := scene.beaten_by(point)) else "",
                 "noise": scene.noise if point is scene.base else np.nan,
             }
-            row |= {f"error_{measure.key}": scene.error(point, measure) for measure in scene.measures}
-            row |= {_column(measure.key): point.measures[measure.key] for measure in scene.measures}
+            row |= {f"error_{m.key}": scene.error(point, m) if m in scene.measures else np.nan for m in measures}
+            row |= {m.column: point.measures.get(m.key, np.nan) for m in measures}
             rows.append(row | {f"set_{knob.key}": point.settings[knob.key] for knob in KNOBS})
     table = pd.DataFrame(rows)
-    errors = [f"error_{key}" for key in MEASURES]
-    first = [column for column in rows[0] if not column.startswith(("error_", "set_")) and column not in _columns()]
-    order = [*first, *errors, *_columns(), *(f"set_{knob.key}" for knob in KNOBS)]
     table["set_increments"] = table["set_increments"].replace(CHOSEN, 0)
-    return table.reindex(columns=[column for column in order if column in table]).replace({np.inf: np.nan})
-
-
-def _column(key: str) -> str:
-    unit = MEASURES[key].unit
-    return key if unit == "1" else f"{key}_{unit}"
-
-
-def _columns() -> list[str]:
-    return [_column(key) for key in MEASURES]
+    return table.replace({np.inf: np.nan})
 
 
 def percent(share: float) -> str:
@@ -120,14 +106,10 @@ def price_rows(scene: Scene) -> list[dict]:
     rows = []
     for line in scene.lines:
         knob = BY_KEY[line.knob]
-        others = [member for member in line.members if member is not line.anchor]
-        fastest = max(others, key=lambda member: scene.speed(line, member))
-        for member in others:
-            value, speed, change = (
-                knob.text(member.settings[line.knob]),
-                scene.speed(line, member),
-                scene.change(line, member),
-            )
+        fastest = max(line.others, key=lambda member: scene.speed(line, member))
+        for member in line.others:
+            value, speed = knob.text(member.settings[line.knob]), scene.speed(line, member)
+            change = scene.change(line, member)
             rows.append(
                 {
                     "scene": scene.study.name,
