@@ -1,9 +1,11 @@
 """What a catalogue's spread consists of: variances of made-up catalogues, and a tiny study to its page."""
 
 import json
+from dataclasses import asdict
 from itertools import combinations
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from running import run_study, same_costs
@@ -14,14 +16,14 @@ from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED
 from common.costs import Costs
 from common.errors import InputError
 from verification.spread.figure import draw
-from verification.spread.runs import CELLS, CLOSENESS, LOADING, MEMBERS, Catalogue, catalogue, read_sources
+from verification.spread.runs import CELLS, CLOSENESS, LOADING, MEMBERS, QUANTITIES, Catalogue, catalogue, read_sources
 from verification.spread.study import STUDY, Scene
-from verification.spread.variances import make_table, variances
+from verification.spread.variances import values_of, variances
 
 
 def made_up(potency: float, b: float = 1.0, law: str = POWER, seconds: float = 10.0) -> Catalogue:
     """A catalogue of ten events of one size."""
-    return Catalogue("one", potency, np.full(10, -2.0), -3.0, law, b, seconds)
+    return Catalogue("one", potency, [-2.0] * 10, -3.0, law, b, seconds)
 
 
 def sources(**exponents: list[float]) -> dict[str, list[Catalogue]]:
@@ -29,41 +31,39 @@ def sources(**exponents: list[float]) -> dict[str, list[Catalogue]]:
     return {name: [made_up(10.0**x) for x in values] for name, values in exponents.items()}
 
 
-def of(found, quantity: str, source: str):
-    return next(v for v in found if v.quantity.key == quantity and v.source == source)
+def of(found: pd.DataFrame, quantity: str, source: str):
+    """Row of the variance of a quantity, by its key, by a source."""
+    (title,) = (one.title for one in QUANTITIES if one.key == quantity)
+    return found[(found["quantity"] == title) & (found["source"] == source)].iloc[0]
 
 
 def test_runs_that_differ_by_chance_too_have_less_variance_of_their_own():
     """Variances by hand: members 1, loading 3, cells 1/4, closeness 4. Own: 1, 2, 0, 4."""
-    found = variances(
-        sources(
-            members=[-1.0, 0.0, 1.0],
-            loading=[0.0, 0.0, 3.0],
-            cells=[-0.5, 0.0, 0.5],
-            closeness=[-2.0, 0.0, 2.0],
-        )
+    runs = sources(
+        members=[-1.0, 0.0, 1.0], loading=[0.0, 0.0, 3.0], cells=[-0.5, 0.0, 0.5], closeness=[-2.0, 0.0, 2.0]
     )
+    found = variances(values_of(runs))
     potency = [of(found, "potency", source) for source in (MEMBERS, LOADING, CELLS, CLOSENESS)]
-    assert [v.total for v in potency] == pytest.approx([1.0, 3.0, 0.25, 4.0])
-    assert [v.own for v in potency] == pytest.approx([1.0, 2.0, 0.0, 4.0])
+    assert [v.variance for v in potency] == pytest.approx([1.0, 3.0, 0.25, 4.0])
+    assert [v.variance_of_its_own for v in potency] == pytest.approx([1.0, 2.0, 0.0, 4.0])
     assert [v.share for v in potency] == pytest.approx([1 / 7, 2 / 7, 0.0, 4 / 7])
-    assert potency[0].interval == pytest.approx((0.5207, 6.285), rel=1e-3)  # chi-square, 2 degrees of freedom
-    assert np.isnan(potency[1].interval).all()  # not drawn at random
+    assert [potency[0].lower_95, potency[0].upper_95] == pytest.approx(
+        [0.5207, 6.285], rel=1e-3
+    )  # chi-square, 2 degrees of freedom
+    assert np.isnan([potency[1].lower_95, potency[1].upper_95]).all()  # not drawn at random
     assert np.isnan(of(found, "largest", MEMBERS).share)  # all are one size: there is no variance to share
 
 
 def test_where_b_is_not_defined_there_is_no_variance_but_a_reason():
     runs = sources(members=[0.0, 1.0, 2.0], loading=[0.0, 1.0, 2.0], cells=[0.0, 1.0, 2.0], closeness=[0.0, 1.0, 2.0])
     runs[CELLS] = [made_up(1.0), made_up(1.0, np.nan, FEW), made_up(1.0, np.nan, NONE)]
-    found = variances(runs)
+    found = variances(values_of(runs))
     cells = of(found, "b", CELLS)
-    assert np.isnan(cells.total)
-    assert cells.why == "too few events in 1, no power law in 1 of 3"
+    assert np.isnan([cells.variance, cells.standard_deviation]).all()
+    assert cells.defined_in == 1
+    assert cells.not_defined == "too few events in 1, no power law in 1 of 3"
     assert np.isnan(of(found, "b", MEMBERS).share)  # the sum is not known
-    assert of(found, "b", MEMBERS).why == ""
-    row = make_table({"made_up": found}).query("quantity == 'b of log potency' and source == 'finest cell'").iloc[0]
-    assert row.defined_in == 1
-    assert np.isnan(row.standard_deviation)
+    assert of(found, "b", MEMBERS).not_defined == ""
 
 
 def events_of(sizes: np.ndarray) -> xr.Dataset:
@@ -93,7 +93,7 @@ def test_the_table_says_what_an_ensemble_costs_and_buys():
     runs = sources(
         members=[-1.0, 0.0, 1.0], loading=[0.0, 0.0, 3.0], cells=[-0.5, 0.0, 0.5], closeness=[-2.0, 0.0, 2.0]
     )
-    written = json.loads(json.dumps(Scene(made_up(1.0, 1, POWER, 8.0), runs).written()))
+    written = json.loads(json.dumps(asdict(Scene(made_up(1.0, 1, POWER, 8.0), runs))))
     table = STUDY.tables({"made_up": written})["table"]
     assert len(table) == 20
     members = table[table.source == "perturbed members"].set_index("quantity")
@@ -109,7 +109,7 @@ def named(labels: list[str], values: list[float], undefined: list[str]) -> list[
     """Runs whose potency and b are `values`, and as many more without b as there are laws in `undefined`."""
     runs = [(value, value, POWER) for value in values] + [(1.0, np.nan, law) for law in undefined]
     return [
-        Catalogue(label, 10.0**potency, np.linspace(-2.0, potency, 9), -3.0, law, b)
+        Catalogue(label, 10.0**potency, np.linspace(-2.0, potency, 9).tolist(), -3.0, law, b)
         for label, (potency, b, law) in zip(labels, runs, strict=True)
     ]
 
@@ -123,7 +123,7 @@ def test_no_text_of_the_figure_lies_on_another():
         CLOSENESS: named(["0.7", "0.8", "0.9"], [1.1], [TRUNCATED, FEW]),
     }
     with style.applied():
-        figure = draw(runs[CELLS][0], variances(runs))
+        figure = draw(runs[CELLS][0], runs)
         figure.draw_without_rendering()
     for panel in figure.axes:
         texts = [text for text in (*panel.texts, *panel.get_yticklabels(), panel.title) if text.get_text()]
@@ -154,13 +154,13 @@ def test_a_study_runs_to_its_table(tmp_path):
         ["5 m", "2.5 m"],
         ["0.7", "0.8", "0.9"],
     ]
-    potency = {v.source: v for v in scene.variances if v.quantity.key == "potency"}
-    assert potency[MEMBERS].total > 0.0
-    assert potency[LOADING].total > 0.0
-    assert np.isnan(potency[CELLS].total)
-    assert potency[CLOSENESS].total == pytest.approx(0.0, abs=1e-20)
-    assert scene.sources[CLOSENESS][1].sizes.tolist() == scene.base.sizes.tolist()  # 0.8 is the mine's own
-    written = {"spread_stope": scene.written()}
+    potency = {source: of(scene.table, "potency", source).variance for source in scene.sources}
+    assert potency[MEMBERS] > 0.0
+    assert potency[LOADING] > 0.0
+    assert np.isnan(potency[CELLS])
+    assert potency[CLOSENESS] == pytest.approx(0.0, abs=1e-20)
+    assert scene.sources[CLOSENESS][1].sizes == scene.base.sizes  # 0.8 is the mine's own
+    written = {"spread_stope": asdict(scene)}
     table = STUDY.tables(written)["table"]
     assert len(table.drop_duplicates(["quantity", "source"])) == len(table) == 20
     assert set(table.member_cost.dropna()) == {1.5}

@@ -6,8 +6,7 @@ perturbed runs only.
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
@@ -44,31 +43,22 @@ class Quantity:
 class Catalogue:
     """The events of a run's last step. label: how the run differs from others of its source.
 
-    potency: sum over all failed rock, m3. sizes (event,): log10 potency (m3) of resolved events. cut: log10 of the
-    smallest potency (m3) that can be resolved. law: of the sizes above the cut (size_law). b: of a power law, NaN where
-    they follow none. seconds: processor time of the mining steps and their events without compiling, NaN where unknown.
+    potency: sum over all failed rock, m3. sizes: log10 potency (m3) of each resolved event. cut: log10 of the smallest
+    potency (m3) that can be resolved. law: of the sizes above the cut (size_law). b: of a power law, NaN where they
+    follow none. seconds: processor time of the mining steps and their events without compiling, NaN where unknown.
     """
 
     label: str
     potency: float
-    sizes: np.ndarray
+    sizes: list[float]
     cut: float
     law: str
     b: float
     seconds: float = np.nan
 
-    def written(self) -> dict[str, Any]:
-        """The catalogue, as JSON can hold it."""
-        return asdict(self) | {"sizes": self.sizes.tolist()}
-
-    @classmethod
-    def read(cls, given: dict[str, Any]) -> "Catalogue":
-        """From what `written` gave."""
-        return cls(**given | {"sizes": np.array(given["sizes"], float)})
-
 
 def _mean_excess(run: Catalogue) -> float:
-    sizes = above(run.sizes, run.cut)
+    sizes = above(np.array(run.sizes), run.cut)
     return float(np.mean(sizes - run.cut)) if len(sizes) else np.nan
 
 
@@ -77,7 +67,7 @@ QUANTITIES = (
     Quantity("events", "log10 number of resolved events", lambda run: float(np.log10(len(run.sizes) or np.nan))),
     Quantity("b", "b of log potency", lambda run: run.b),
     Quantity("size", "mean log10 P above the smallest", _mean_excess),
-    Quantity("largest", "largest event, log10 P", lambda run: float(run.sizes.max()) if len(run.sizes) else np.nan),
+    Quantity("largest", "largest event, log10 P", lambda run: max(run.sizes, default=np.nan)),
 )
 
 
@@ -90,7 +80,7 @@ def catalogue(label: str, events: xr.Dataset, settings: ComparisonSettings, seco
     return Catalogue(
         label=label,
         potency=float(json.loads(events.attrs["budget"])["particle_scalars"]),
-        sizes=sizes,
+        sizes=sizes.tolist(),
         cut=cut,
         law=FEW if few else found.law.name,
         b=found.plain.b if found.law.name == POWER and not few else np.nan,

@@ -1,24 +1,22 @@
 """The study of the spread of a catalogue: a case for each scene, a row for each quantity and source of its spread."""
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from verification.frame import LOGS, RESULTS, CaseResults, Inputs, MeasuringStudy
+from verification.frame import CaseResults, Inputs, MeasuringStudy, read_study
 from verification.page_tables import Columns
-from verification.results import Results, read_results
+from verification.results import Results
 from verification.spread.figure import draw
 from verification.spread.runs import MEMBERS, SOURCES, Catalogue, read_base, read_sources
-from verification.spread.variances import Variance, make_table, variances
-from verification.studies import FOLDER, load_study
+from verification.spread.variances import values_of, variances
 
 
 @dataclass(frozen=True)
 class Scene:
-    """The mine's own run, the catalogues of each source, and their variances."""
+    """The mine's own run, and the catalogues of each source."""
 
     base: Catalogue
     sources: dict[str, list[Catalogue]]
@@ -30,19 +28,15 @@ class Scene:
 
     @classmethod
     def read(cls, given: dict) -> "Scene":
-        """From what `written` gave."""
-        sources = {source: [Catalogue.read(run) for run in runs] for source, runs in given["sources"].items()}
-        return cls(Catalogue.read(given["base"]), sources)
+        """From what `asdict` made of it."""
+        sources = {source: [Catalogue(**run) for run in runs] for source, runs in given["sources"].items()}
+        return cls(Catalogue(**given["base"]), sources)
 
-    def written(self) -> dict:
-        """Its catalogues, as JSON can hold them."""
-        sources = {source: [run.written() for run in runs] for source, runs in self.sources.items()}
-        return {"base": self.base.written(), "sources": sources}
-
-    @cached_property
-    def variances(self) -> list[Variance]:
-        """Variance of every quantity by every source."""
-        return variances(self.sources)
+    @property
+    def table(self) -> pd.DataFrame:
+        """Variance of every quantity by every source, with the cost of a member beside those that members show."""
+        table = variances(values_of(self.sources))
+        return table.assign(member_cost=np.where(table["source"] == MEMBERS, self.member_cost, np.nan))
 
     @property
     def member_cost(self) -> float:
@@ -52,23 +46,20 @@ class Scene:
 
 def measure_case(name: str, inputs: Inputs, threads: int) -> dict:
     """Catalogues of one scene."""
-    study = load_study(FOLDER / f"{name}.yaml")
-    return Scene.of(read_results(study, RESULTS / name, LOGS / name)).written()
+    return asdict(Scene.of(read_study(name)))
 
 
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
-    """The table of all variances, with the cost of a member beside those that members show."""
-    scenes = {name: Scene.read(given) for name, given in results.items()}
-    table = make_table({name: scene.variances for name, scene in scenes.items()})
-    costs = table["scene"].map({name: scene.member_cost for name, scene in scenes.items()})
-    table["member_cost"] = costs.where(table["source"] == SOURCES[MEMBERS])
-    return {"table": table}
+    """The table of all variances. Potency and number are logarithms: 0.1 is a factor of 1.26."""
+    scenes = {name: Scene.read(given).table for name, given in results.items()}
+    table = pd.concat(scenes, names=["scene", None]).reset_index("scene").reset_index(drop=True)
+    return {"table": table.replace({"source": SOURCES})}
 
 
 def figures(results: CaseResults) -> dict[str, Figure]:
     """A figure of each scene, by its name."""
     scenes = {name: Scene.read(given) for name, given in results.items()}
-    return {name: draw(scene.base, scene.variances) for name, scene in scenes.items()}
+    return {name: draw(scene.base, scene.sources) for name, scene in scenes.items()}
 
 
 STUDY = MeasuringStudy(
