@@ -100,8 +100,8 @@ def test_a_twin_comes_back_and_one_from_other_cells_only_with_their_correction(f
 def test_a_record_of_another_law_is_flagged():
     """Its steps cannot both be right: the claim holds. A record that fits is not: the claim fails."""
     strange = calibrated(shift=np.array([2.0, -2.0]))
-    assert claims.flag_claim(strange, "strange", strange.fit.posterior, wanted_flag=True).holds
-    assert not claims.flag_claim(strange, "strange", strange.fit.posterior, wanted_flag=False).holds
+    assert claims.flag_claim("strange", strange.fit.posterior, wanted_flag=True).holds
+    assert not claims.flag_claim("strange", strange.fit.posterior, wanted_flag=False).holds
 
 
 def test_chains_and_weighted_points_agree(found, monkeypatch):
@@ -110,14 +110,14 @@ def test_chains_and_weighted_points_agree(found, monkeypatch):
     monkeypatch.setattr(claims, "BURN_IN", 100)
     chain = claims.chain_quantiles(found.fit, claims.SHARES, found.settings.seed)
     monkeypatch.setattr(claims, "chain_quantiles", lambda *_: chain)  # of both posteriors: it depends on neither
-    rows = claims.chain_claims(found, SETTINGS.quantities)
+    rows = claims.chain_claims(found)
     assert [row.holds for row in rows] == [True] * 4, rows
     other = calibrated(shift=0.5)
     mixed = Calibration(
         SETTINGS, found.steps, [], found.cut, found.rows, None,
         type(found.fit)(found.fit.surrogate, found.fit.likelihood, other.fit.posterior),
     )  # fmt: skip
-    assert not all(row.holds for row in claims.chain_claims(mixed, SETTINGS.quantities))
+    assert not all(row.holds for row in claims.chain_claims(mixed))
 
 
 def test_records_of_the_study_have_the_truth_of_the_mine_file_or_another_host():

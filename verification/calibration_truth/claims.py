@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from calibration.fit import SHARES, Fit, SelfTest, fit_likelihood
 from calibration.likelihood import MAX_IMPLAUSIBILITY
 from calibration.posterior import Posterior
-from calibration.settings import CalibratedQuantity
 from calibration.stages import Calibration
 from calibration.tradeoffs import CONFINEMENTS, PRIOR_POINTS, best_known_strengths, strengths
 from calibration.trials import (
@@ -33,16 +32,14 @@ MAX_WIDTH = 0.7  # Over that of the prior, in the coordinate that the record tel
 MAX_CHAIN_DIFFERENCE = 0.05  # Of quantiles of two samplers, over the range.
 WALKERS = 32
 STEPS, BURN_IN = 3000, 500  # Of each walker, and those that are left out at the start.
-COLUMNS = ("claim", "record", "terms", "quantity", "wanted", "measured", "holds")
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A row: the claim, the record that it is about, the terms that count, the quantity, what is wanted and found."""
+    """A row but for its terms: the claim, the record that it is about, the quantity, what is wanted and found."""
 
     claim: str
     record: str
-    terms: str
     quantity: str
     wanted: str
     measured: str
@@ -51,54 +48,50 @@ class Claim:
 
 def self_test_claims(found: Calibration, tested: SelfTest, trials: NDArray) -> list[Claim]:
     """Each designed trial in turn as the record: coverage, and widths, of all quantities and of the strength."""
-    terms, quantities = ", ".join(found.settings.terms), found.settings.quantities
     low, high = COVERAGE
+    parts = [("all quantities", tested.held, tested.width, True)]  # The last says whether the coverage is judged.
+    for number, quantity in enumerate(found.settings.quantities):
+        parts.append((quantity.title, tested.held[:, number], tested.width[:, number], False))
+    parts += [(*strength, True) for strength in strength_coverage(found, tested, trials)]
     rows = []
-
-    def add(name: str, held: NDArray, width: NDArray, judged: bool) -> None:
+    for name, held, _, is_judged in parts:
         share = float(held.mean())
-        wanted = f"{100 * low:.0f} to {100 * high:.0f} %" if judged else ""
-        holds = low <= share <= high or not judged
-        rows.append(Claim("intervals hold it", "trials", terms, name, wanted, f"{100 * share:.0f} %", holds))
-        widths.append((name, float(width.mean())))
-
-    widths: list[tuple[str, float]] = []
-    add("all quantities", tested.held, tested.width, judged=True)
-    for number, quantity in enumerate(quantities):
-        add(quantity.title, tested.held[:, number], tested.width[:, number], judged=False)
-    for name, held, width in strength_coverage(found, tested, trials):
-        add(name, held, width, judged=True)
-    best = min(widths[1:], key=lambda one: one[1])
-    for name, left in widths:
-        is_best = name == best[0]
-        wanted = f"at most {MAX_WIDTH:g}" if is_best else ""
-        holds = left <= MAX_WIDTH or not is_best
-        rows.append(Claim("width left", "trials", terms, name, wanted, f"{left:.2f}", holds))
+        wanted = f"{100 * low:.0f} to {100 * high:.0f} %" if is_judged else ""
+        holds = low <= share <= high or not is_judged
+        rows.append(Claim("intervals hold it", "trials", name, wanted, f"{100 * share:.0f} %", holds))
+    widths = {name: float(width.mean()) for name, _, width, _ in parts}
+    best = min(list(widths)[1:], key=widths.__getitem__)
+    for name, left in widths.items():
+        wanted = f"at most {MAX_WIDTH:g}" if name == best else ""
+        rows.append(Claim("width left", "trials", name, wanted, f"{left:.2f}", left <= MAX_WIDTH or name != best))
     return rows
 
 
 def strength_coverage(found: Calibration, tested: SelfTest, trials: NDArray) -> list[tuple[str, NDArray, NDArray]]:
     """Of each strength that the record tells best: its name, whether intervals hold it (trial,), and their widths."""
-    quantities, rows = found.settings.quantities, found.rows
-    result = []
+    quantities, result = found.settings.quantities, []
+    true_at = true_points(found, trials)
+    prior_at = np.random.default_rng(0).uniform(size=(PRIOR_POINTS, len(quantities)))
     for known in best_known_strengths(found.fit, quantities):
         at = int(np.argmin(np.abs(CONFINEMENTS - known.confinement)))
-        true_rows = np.array([np.flatnonzero(rows.trials == trial)[0] for trial in trials])
-        true = strengths(rows.points[true_rows], quantities, known.pair)[:, at]
-        held, width = [], []
-        prior = strengths(
-            np.random.default_rng(0).uniform(size=(PRIOR_POINTS, len(quantities))), quantities, known.pair
-        )[:, at]
-        prior_width = np.subtract(*np.quantile(prior, [0.95, 0.05]))
-        for posterior, value in zip(tested.posteriors, true, strict=True):
-            low, _, high = posterior.quantiles(SHARES, strengths(posterior.points, quantities, known.pair)[:, [at]])[
-                :, 0
-            ]
-            held.append(low <= value <= high)
-            width.append((high - low) / prior_width)
+        true, prior, *sampled = (
+            strengths(points, quantities, known.pair)[:, at]
+            for points in (true_at, prior_at, *(posterior.points for posterior in tested.posteriors))
+        )
+        bounds = [
+            posterior.quantiles(SHARES, strength[:, None])[:, 0]
+            for posterior, strength in zip(tested.posteriors, sampled, strict=True)
+        ]
+        low, _, high = np.array(bounds).T
+        width = (high - low) / np.subtract(*np.quantile(prior, [0.95, 0.05]))
         name = f"{known.material}: {known.state} strength under {known.confinement:.1f} MPa"
-        result.append((name, np.array(held), np.array(width)))
+        result.append((name, (low <= true) & (true <= high), width))
     return result
+
+
+def true_points(found: Calibration, trials: NDArray) -> NDArray:
+    """Values (trial, quantity) that made these trials, in the unit cube."""
+    return found.rows.points[[np.flatnonzero(found.rows.trials == trial)[0] for trial in trials]]
 
 
 def twin_claims(found: Calibration, record: str, truth: Sequence[float], fit: Fit, wanted_flag: bool) -> list[Claim]:
@@ -106,28 +99,22 @@ def twin_claims(found: Calibration, record: str, truth: Sequence[float], fit: Fi
 
     wanted_flag: whether it ought to be; then what the intervals hold is reported only.
     """
-    terms = ", ".join(found.settings.terms)
     rows = []
-    low, middle, high = fit.posterior.quantiles(SHARES)
-    for number, quantity in enumerate(found.settings.quantities):
-        inside = bool(low[number] <= truth[number] <= high[number])
-        value, *found_values = (
-            quantity.value(share) for share in (truth[number], low[number], middle[number], high[number])
-        )
-        text = f"{found_values[0]:.4g} to {found_values[2]:.4g}, median {found_values[1]:.4g}"
-        wanted = f"{value:.4g} inside" if not wanted_flag else ""
-        rows.append(Claim("truth inside", record, terms, quantity.title, wanted, text, inside or wanted_flag))
-    rows.append(flag_claim(found, record, fit.posterior, wanted_flag))
-    return rows
+    for quantity, true, ends in zip(found.settings.quantities, truth, fit.posterior.quantiles(SHARES).T, strict=True):
+        low, middle, high = map(quantity.value, ends)
+        wanted = "" if wanted_flag else f"{quantity.value(true):.4g} inside"
+        text = f"{low:.4g} to {high:.4g}, median {middle:.4g}"
+        holds = bool(ends[0] <= true <= ends[-1]) or wanted_flag
+        rows.append(Claim("truth inside", record, quantity.title, wanted, text, holds))
+    return [*rows, flag_claim(record, fit.posterior, wanted_flag)]
 
 
-def flag_claim(found: Calibration, record: str, posterior: Posterior, wanted_flag: bool) -> Claim:
+def flag_claim(record: str, posterior: Posterior, wanted_flag: bool) -> Claim:
     """Whether a record is called implausible."""
-    flagged = posterior.implausibility > MAX_IMPLAUSIBILITY
+    flagged = bool(posterior.implausibility > MAX_IMPLAUSIBILITY)
     wanted = f"{'more' if wanted_flag else 'less'} than {MAX_IMPLAUSIBILITY:g}"
-    holds = flagged == wanted_flag
-    terms = ", ".join(found.settings.terms)
-    return Claim("smallest implausibility", record, terms, "", wanted, f"{posterior.implausibility:.1f}", holds)
+    found = f"{posterior.implausibility:.1f}"
+    return Claim("smallest implausibility", record, "", wanted, found, flagged == wanted_flag)
 
 
 def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
@@ -152,25 +139,15 @@ def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
     return fit_likelihood(surrogate, likelihood, found.rows.points.shape[1], found.settings.seed)
 
 
-def chain_claims(found: Calibration, quantities: Sequence[CalibratedQuantity]) -> list[Claim]:
+def chain_claims(found: Calibration) -> list[Claim]:
     """Largest difference of the quantiles of both samplers, over the range, of each quantity."""
-    terms = ", ".join(found.settings.terms)
     chains, forgotten = chain_quantiles(found.fit, SHARES, found.settings.seed)
     difference = np.abs(chains - found.fit.posterior.quantiles(SHARES)).max(axis=0)
-    wanted = f"at most {MAX_CHAIN_DIFFERENCE:g}"
-    rows = [
-        Claim(
-            "quantiles of another sampler",
-            "record",
-            terms,
-            quantity.title,
-            wanted,
-            f"{off:.3f}",
-            off <= MAX_CHAIN_DIFFERENCE,
-        )
-        for quantity, off in zip(quantities, difference, strict=True)
-    ]
-    return [*rows, Claim("steps until a chain has forgotten", "record", terms, "", "", f"{forgotten:.0f}", True)]
+    rows = []
+    for quantity, off in zip(found.settings.quantities, difference, strict=True):
+        wanted, holds = f"at most {MAX_CHAIN_DIFFERENCE:g}", bool(off <= MAX_CHAIN_DIFFERENCE)
+        rows.append(Claim("quantiles of another sampler", "record", quantity.title, wanted, f"{off:.3f}", holds))
+    return [*rows, Claim("steps until a chain has forgotten", "record", "", "", f"{forgotten:.0f}", True)]
 
 
 def chain_quantiles(fit: Fit, shares: NDArray, seed: int) -> tuple[NDArray, float]:

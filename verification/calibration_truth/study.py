@@ -18,10 +18,11 @@ from catalogs.figures import style
 from common.event_table import read_events
 from common.job import read_job
 from verification.calibration_truth import claims
-from verification.calibration_truth.claims import COLUMNS, Claim
 from verification.calibration_truth.settings import SAME_LAW, TERMS
 from verification.frame import CaseResults, Inputs, MeasuringStudy
 from verification.page_tables import Columns
+
+COLUMNS = ("claim", "record", "terms", "quantity", "wanted", "measured", "holds")
 
 
 def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
@@ -43,13 +44,13 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
         if case == SAME_LAW:
             rows += claims.twin_claims(found, case, given["truth"], fit, wanted_flag=False)
         else:
-            rows.append(claims.flag_claim(found, case, fit.posterior, wanted_flag=True))
+            rows.append(claims.flag_claim(case, fit.posterior, wanted_flag=True))
     rows += claims.twin_claims(found, "record", given["record_truth"], found.fit, wanted_flag=False)
     blind = read_calibration(varied, trials, [], record)
     rows += claims.twin_claims(blind, "record, cells not corrected", given["record_truth"], blind.fit, wanted_flag=True)
-    rows += claims.chain_claims(found, found.settings.quantities)
-    true = np.array([found.rows.points[np.flatnonzero(found.rows.trials == trial)[0]] for trial in designed])
-    claimed = [asdict(row) | {"holds": bool(row.holds)} for row in rows]
+    rows += claims.chain_claims(found)
+    claimed = [asdict(row) | {"terms": ", ".join(found.settings.terms)} for row in rows]
+    true = claims.true_points(found, designed)
     return {"claims": claimed, "intervals": intervals(tested, true, found.settings.quantities)}
 
 
@@ -91,9 +92,8 @@ def draw(found: list[dict[str, Any]]) -> Figure:
 
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
     """The table of all claims."""
-    rows = pd.DataFrame(
-        [asdict(Claim(**row)) for result in results.values() for row in result["claims"]], columns=list(COLUMNS)
-    )
+    claimed = [claim for result in results.values() for claim in result["claims"]]
+    rows = pd.DataFrame(claimed, columns=list(COLUMNS))
     rows["holds"] = rows["holds"].map({True: "yes", False: "no"})
     return {"table": rows}
 
