@@ -17,7 +17,7 @@ PEERS = ROOT / "verification" / "benchmarks" / "peers"
 REFERENCE = "multigrid"  # Ratios are taken to this code.
 QUANTITIES = {"time_limit": "s", "memory_limit": "GB", "repeat_below": "s"}
 KEYS = (*QUANTITIES, "threads", "repetitions", "cells_across", "codes", "scene", "problems")
-CODE_KEYS = {"title", "scene", "script", "requirements", "module", "agrees", "time_limit"}
+CODE_KEYS = ("title", "scene", "script", "requirements", "module", "agrees", "time_limit")
 PROBLEM_KEYS = ("title", "codes", "scene", "cells_across")
 
 
@@ -144,10 +144,16 @@ def _quantity(text: dict, key: str, where: str = "") -> float:
         raise InputError(f"{FILE.name}: {where}{key}: {error}") from error
 
 
+def _check_keys(text: dict, where: str, keys: tuple[str, ...], needed: tuple[str, ...]) -> None:
+    """Raises InputError, one line, where a part of the file has an unknown key or lacks one that it needs."""
+    unknown, missing = sorted(set(text) - set(keys)), sorted(set(needed) - set(text))
+    if unknown or missing:
+        wrong = f"{unknown[0]}: unknown key" if unknown else f"{missing[0]}: missing"
+        raise InputError(f"{FILE.name}: {where}{wrong}; there are {', '.join(keys)}")
+
+
 def _code(name: str, text: dict) -> Code:
-    unknown = sorted(set(text) - CODE_KEYS)
-    if unknown:
-        raise InputError(f"{FILE.name}: codes.{name}.{unknown[0]}: unknown key; there are {', '.join(CODE_KEYS)}")
+    _check_keys(text, f"codes.{name}.", CODE_KEYS, ())
     if "title" not in text or ("scene" in text) == ("script" in text):
         raise InputError(f"{FILE.name}: codes.{name}: needs a title, and scene (a code of ours) or script (a peer)")
     if "script" in text and ("requirements" in text) == ("module" in text):
@@ -160,11 +166,7 @@ def _code(name: str, text: dict) -> Code:
 
 
 def _problem(name: str, text: dict, codes: dict[str, Code], cells_across: list[int]) -> Problem:
-    unknown = sorted(set(text) - set(PROBLEM_KEYS))
-    missing = sorted(set(PROBLEM_KEYS[:3]) - set(text))
-    if unknown or missing:
-        wrong = f"{unknown[0]}: unknown key" if unknown else f"{missing[0]}: missing"
-        raise InputError(f"{FILE.name}: problems.{name}.{wrong}; a problem has {', '.join(PROBLEM_KEYS)}")
+    _check_keys(text, f"problems.{name}.", PROBLEM_KEYS, PROBLEM_KEYS[:3])
     strangers = [code for code in text["codes"] if code not in codes]
     if strangers:
         raise InputError(f"{FILE.name}: problems.{name}.codes: no '{strangers[0]}'; there are {', '.join(codes)}")
@@ -174,10 +176,7 @@ def _problem(name: str, text: dict, codes: dict[str, Code], cells_across: list[i
 
 def parse(text: dict) -> Settings:
     """Settings from the file's content. Raises InputError, one line, naming the key."""
-    wrong = sorted(set(text) ^ set(KEYS))
-    if wrong:
-        state = "missing" if wrong[0] in KEYS else "unknown key"
-        raise InputError(f"{FILE.name}: {wrong[0]}: {state}; the file has {', '.join(KEYS)}")
+    _check_keys(text, "", KEYS, KEYS)
     codes = {name: _code(name, entry) for name, entry in text["codes"].items()}
     for partner in (REFERENCE, *(code.agrees_with for code in codes.values())):
         if partner and partner not in codes:

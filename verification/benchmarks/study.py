@@ -105,16 +105,15 @@ def make_table(settings: Settings, rows: list[dict]) -> pd.DataFrame:
 def _beside(table: pd.DataFrame, key: str, partner: dict[str, str]) -> pd.Series:
     """The same quantity of each row's partner on the same mesh, NaN where there is none."""
     known = table.set_index(["problem", "cells", "code"])[key]
-    places = zip(table["problem"], table["cells"], table["code"].map(partner), strict=True)
-    return pd.Series([known.get(place, np.nan) for place in places], index=table.index, dtype=float)
+    places = pd.MultiIndex.from_arrays([table["problem"], table["cells"], table["code"].map(partner)])
+    return known.reindex(places).set_axis(table.index)
 
 
 def draw(settings: Settings, table: pd.DataFrame) -> Figure:
     """Wall time per cell against size, log-log, above, and closure as cells shrink below; a column for each problem."""
     figure = style.new_figure(height=7.2)
     axes = figure.subplots(2, len(settings.problems), sharex=True, sharey="row", squeeze=False)
-    for column, (problem, about) in enumerate(settings.problems.items()):
-        cost, closure = axes[:, column]
+    for (cost, closure), (problem, about) in zip(axes.T, settings.problems.items(), strict=True):
         for number, (name, code) in enumerate(settings.codes.items()):
             if name not in about.codes:
                 continue
