@@ -127,15 +127,14 @@ def costs_of(results: Results) -> pd.DataFrame:
 
 
 def _costs(variant: Variant) -> tuple:
-    stages = ["grid", "elastic", *[f"steps/{name}" for name in variant.step_names]]
     grid = variant.grid
     return (
         grid.sizes["cell"],
         grid.attrs["levels"],
         grid.attrs["fine_cell"],
         len(variant.step_names),
-        sum(variant.seconds(stage) or 0.0 for stage in stages),
-        max(variant.peak_memory(stage) or 0.0 for stage in stages),
+        sum(variant.seconds(stage) or 0.0 for stage in variant.stages),
+        max(variant.peak_memory(stage) or 0.0 for stage in variant.stages),
     )
 
 

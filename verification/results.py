@@ -1,11 +1,13 @@
 """Results of the stages for a study's variants, as an answer reads them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from common.costs import Costs, cost_of
 from common.datasets import read_dataset
@@ -38,6 +40,11 @@ class Variant:
     def step_names(self) -> list[str]:
         """Names of the listed steps, in order."""
         return self.mine.mined_steps
+
+    @property
+    def stages(self) -> list[str]:
+        """Names of the stages of grid and mechanics, in order."""
+        return ["grid", "elastic", *(f"steps/{name}" for name in self.step_names)]
 
     def scene(self, step: str | None = None) -> Scene:
         """The scene up to a step, as the stage of that step has it; up to the first step without a name."""
@@ -75,6 +82,10 @@ class Variant:
         """Processor time of a stage without compiling, s."""
         costs = self.costs(stage)
         return costs.running if costs else None
+
+    def processor_times(self, stages: Sequence[str]) -> NDArray:
+        """Processor time of these stages (stage,) s without compiling; NaN where a stage left no log."""
+        return np.array([np.nan if (time := self.processor_time(stage)) is None else time for stage in stages])
 
     def peak_memory(self, stage: str) -> float | None:
         """Largest resident memory of a stage, MiB."""

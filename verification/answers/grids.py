@@ -95,8 +95,7 @@ def read_runs(results: Results) -> list[Run]:
             last = variant.step(STEP)
             error = difference(potency_by_block(last, domain, edge), expected)
             truncated = float(last.attrs["truncated_share"])
-        costs = [variant.processor_time(stage) for stage in stages_of(variant)]
-        known = [np.nan if cost is None else cost for cost in costs]
+        times = variant.processor_times(variant.stages)
         runs.append(
             Run(
                 scene=scene,
@@ -105,18 +104,13 @@ def read_runs(results: Results) -> list[Run]:
                 cells=int(last.attrs.get("cells", variant.grid.sizes["cell"])),
                 error=error,
                 truncated=truncated,
-                seconds=float(np.sum(known)),
-                stages=len(known),
-                least=float(np.min(known)),
+                seconds=float(times.sum()),
+                stages=len(times),
+                least=float(times.min()),
             )
         )
         variant.kept.clear()  # States are large.
     return runs
-
-
-def stages_of(variant: Variant) -> list[str]:
-    """Names of the stages of a run."""
-    return ["grid", "elastic", *(f"steps/{step}" for step in variant.step_names)]
 
 
 def wall_stress_error(variant: Variant) -> float:

@@ -115,9 +115,7 @@ def _read(variant: Variant, label: str, member: int = 0) -> Catalogue:
     """The run of a variant, or of a member of its ensemble."""
     folder, last = f"ensemble/{member}/" if member else "", variant.step_names[-1]
     stages = [*(f"{folder}steps/{step}" for step in variant.step_names), f"{folder}events"]
-    costs = [variant.processor_time(stage) for stage in stages]
-    known = [cost for cost in costs if cost is not None]
-    seconds = float(np.sum(known)) if len(known) == len(costs) else np.nan
+    seconds = float(variant.processor_times(stages).sum())
     return catalogue(label, variant.read(f"{folder}events/{last}.nc"), _settings(variant), seconds)
 
 

@@ -9,12 +9,12 @@ from mpm_core.files.state_datasets import read_edge_nodes, read_pieces
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.distorted_cells import distorted_shapes, sample_volumes
 from mpm_core.model.occupancy import MIN_SAMPLES_KEPT
+from verification.comparisons import MAX_ENERGY_LEFT_SHARE
 from verification.extremes.outcomes import Outcome
 from verification.scenes import value_of
 
 MAX_MASS_ERROR = 1e-9  # Share of the mass. Sums of volumes in another order differ by round-off.
 MAX_MOMENTUM_ERROR = 1e-9  # Share of the forces between cells, whose sum vanishes but for round-off.
-MAX_ENERGY_LEFT_SHARE = 1e-6  # Round-off of a balance, as a share of its largest term.
 MAX_ENERGY_GAINED_SHARE = 1e-9  # Round-off of energy gained or dissipated, as a share of the largest term.
 NO_TERMS = {
     *("energy_balance", "energy_left", "energy_left_share", "energy_elastic", "energy_round_off"),

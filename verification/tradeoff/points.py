@@ -68,8 +68,7 @@ def measure_study(results: Results) -> Points:
 
 def _point(name: str, variant: Variant, measures: dict[str, float], with_events: bool) -> Point:
     steps = variant.step_names
-    stages = ["grid", "elastic", *(f"steps/{step}" for step in steps)]
-    stages += ["events"] if with_events and steps else []
+    stages = variant.stages + (["events"] if with_events and steps else [])
     costs = [variant.costs(stage) or UNKNOWN for stage in stages]
     running = np.array([cost.running for cost in costs])
     last = variant.step(steps[-1]) if steps else variant.elastic

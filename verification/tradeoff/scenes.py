@@ -13,6 +13,7 @@ from verification.answers.kirsch.closed_form import InfinitePlate
 from verification.answers.kirsch.fields import ANGLES, Rock, measure
 from verification.answers.sphere import exact_field
 from verification.cavities.cavity import Cavity, plastic_ring, read_pressure
+from verification.comparisons import failed_in_step, seismic_potency
 from verification.results import Results, Variant
 
 Measures = dict[str, float]
@@ -85,9 +86,8 @@ def mine(results: Results, variant: Variant) -> tuple[Measures, Measures]:
     """The last step of a mine and its events, and closure between two walls where settings.walls gives their places."""
     step = variant.step_names[-1]
     state, events = variant.step(step), variant.events(step)
-    failed = state.failed.values == state.attrs["step_index"]
     found = {
-        "potency": float(potency(state.seismic_strain.values[failed], state.volume.values[failed]).sum()),
+        "potency": float(seismic_potency(state, failed_in_step(state)).sum()),
         "failed_volume": float(state.attrs["failed_volume"]),
     }
     sizes = log_potency(resolved(events).potency.values)
