@@ -1,6 +1,5 @@
 """Figure of one scene: error against time with the Pareto front, and what each knob changes by itself."""
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -44,25 +43,22 @@ def prices(panel: Axes, scene: Scene) -> None:
         for members, look in ((numbers, "-"), ([m for m in line.members if m not in numbers], "none")):
             x, y = [scene.cost(member) for member in members], [_error(scene, member) for member in members]
             _plot(panel, x, y, line, None, look)
-    work = np.array([scene.work(point) for point in scene.points])
-    cost = np.array([scene.cost(point) for point in scene.points])
-    error = np.array([_error(scene, point) for point in scene.points])
     single = {point.variant for line in scene.lines for point in line.members}
-    rest = np.array([point.variant not in single for point in scene.points])
-    panel.plot(work[rest], error[rest], ".", color="#999999", markersize=5, label="several knobs, or repeated")
+    rest = [point for point in scene.points if point.variant not in single]
+    work, error = [scene.work(point) for point in rest], [_error(scene, point) for point in rest]
+    panel.plot(work, error, ".", color="#999999", markersize=5, label="several knobs, or repeated")
     for point in scene.presets:
         mark, size = PRESET_LOOKS[point.accuracy]
         label = "base" if point is scene.base else f"accuracy {point.accuracy}"
         panel.plot(scene.cost(point), _error(scene, point), mark, color="black", markersize=size, zorder=4,
                    linestyle="none", label=label)  # fmt: skip
-    chosen = np.flatnonzero(scene.front)
-    if len(chosen):
-        chosen = chosen[np.argsort(cost[chosen])]
-        panel.step(cost[chosen], error[chosen], where="post", color="black", linewidth=1.0, alpha=0.5, zorder=1)
-        panel.plot(cost[chosen], error[chosen], "o", markersize=12, markerfacecolor="none", markeredgecolor="black",
+    if scene.front:
+        cost, error = [scene.cost(point) for point in scene.front], [_error(scene, point) for point in scene.front]
+        panel.step(cost, error, where="post", color="black", linewidth=1.0, alpha=0.5, zorder=1)
+        panel.plot(cost, error, "o", markersize=12, markerfacecolor="none", markeredgecolor="black",
                    label="Pareto front")  # fmt: skip
-        for number, index in enumerate(chosen, start=1):
-            panel.annotate(str(number), (cost[index], error[index]), xytext=(7, 7), textcoords="offset points")
+        for number, place in enumerate(zip(cost, error, strict=True), start=1):
+            panel.annotate(str(number), place, xytext=(7, 7), textcoords="offset points")
     panel.set(xscale="log", yscale="log", title="Error against processor time")
     panel.set_xlabel("processor time of all stages, less the start of their processes (s)")
     panel.set_ylabel(f"error of {scene.main.title} (%)")

@@ -141,12 +141,11 @@ class Scene:
         return measure.error(point.measures[measure.key], limit.value)
 
     @cached_property
-    def front(self) -> np.ndarray:
-        """Whether each run (run,) is on the Pareto front of cost and main error. At most one run of each rock is."""
+    def front(self) -> list[Point]:
+        """Runs on the Pareto front of cost and main error, the quickest first. At most one run of each rock is."""
         firsts = [group[0] for group in self._of_rock.values()]
         found = pareto_front([self.cost(point) for point in firsts], [self.error(point, self.main) for point in firsts])
-        names = {point.variant for point, is_front in zip(firsts, found, strict=True) if is_front}
-        return np.array([point.variant in names for point in self.points])
+        return sorted((point for point, is_front in zip(firsts, found, strict=True) if is_front), key=self.cost)
 
     @property
     def presets(self) -> list[Point]:
@@ -158,11 +157,9 @@ class Scene:
     def beaten_by(self, point: Point) -> Point | None:
         """The quickest run on the front with at most the cost and error of this one; None for a run on the front."""
         cost, error = self.cost(point), self.error(point, self.main)
-        front = [other for other, is_front in zip(self.points, self.front, strict=True) if is_front]
-        if not np.isfinite([cost, error]).all() or any(_rock(other) == _rock(point) for other in front):
+        if not np.isfinite([cost, error]).all() or any(_rock(other) == _rock(point) for other in self.front):
             return None
-        better = [other for other in front if self.cost(other) <= cost and self.error(other, self.main) <= error]
-        return min(better, key=self.cost)
+        return next(other for other in self.front if self.cost(other) <= cost and self.error(other, self.main) <= error)
 
     def speed(self, line: Line, member: Point) -> float:
         """How many times as fast a member is as the line's anchor."""

@@ -58,14 +58,14 @@ def make_table(scenes: list[Scene]) -> pd.DataFrame:
     """
     rows, measures = [], [m for m in MEASURES.values() if any(m in scene.measures for scene in scenes)]
     for scene in scenes:
-        for point, is_front in zip(scene.points, scene.front, strict=True):
+        for point in scene.points:
             row: dict[str, float | str] = {
                 "scene": scene.study.name,
                 "variant": point.variant,
                 "accuracy": point.accuracy,
                 "changes": scene.label(point),
                 "knob": " ".join(changed(point.settings, scene.base.settings)),
-                "pareto_front": "yes" if is_front else "",
+                "pareto_front": "yes" if point in scene.front else "",
                 "processor_s": point.seconds,
                 "work_s": scene.work(point),
                 "times_as_fast": scene.cost(scene.base) / scene.cost(point),
