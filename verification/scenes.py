@@ -31,6 +31,11 @@ def lengths(values) -> list[str]:
     return [quantity(value, "m") for value in values]
 
 
+def box(lower, upper) -> dict:
+    """A box between two corners, m, as keys of an entry of the mine file."""
+    return {"shape": "box", "lower": lengths(lower), "upper": lengths(upper)}
+
+
 def strengths(unit: str, intact: float, residual: float) -> dict[str, str]:
     """A strength of the mine file before and after failure."""
     return {"intact": quantity(intact, unit), "residual": quantity(residual, unit)}
@@ -125,14 +130,8 @@ def column(height: int, pressure: float = PRESSURE, upper: float = MODULUS, **ch
         "grid": {"coarse_cell": "1 m", "levels": 1, "buffer_cells": 1, "refinement": "static"},
         "insitu_stress": {"constant": isotropic(pressure)},
         "materials": {"host": elastic(), "upper": elastic(upper)},
-        "rock_bodies": [
-            {"name": "cap", "material": "upper", "shape": "box", "lower": lengths([0, height // 2]),
-             "upper": lengths([2, height])}
-        ],
-        "excavations": [
-            {"name": "top", "step": "history", "shape": "box", "lower": lengths([0, height - MINED_HEIGHT]),
-             "upper": lengths([2, height])}
-        ],
+        "rock_bodies": [{"name": "cap", "material": "upper"} | box([0, height // 2], [2, height])],
+        "excavations": [{"name": "top", "step": "history"} | box([0, height - MINED_HEIGHT], [2, height])],
         "steps": [{"name": "history"}],
         "solver": {"tolerance": 1e-5, "increments": 1},
     }  # fmt: skip
@@ -153,8 +152,7 @@ def section(boxes: list, host: dict | None = None, cell: float = SECTION_CELL, *
         "insitu_stress": {"constant": dict(SECTION_STRESS)},
         "materials": {"host": host or elastic()},
         "excavations": [
-            {"name": f"box_{number}", "step": "history", "shape": "box", "lower": lengths(corners[:2]),
-             "upper": lengths(corners[2:])}
+            {"name": f"box_{number}", "step": "history"} | box(corners[:2], corners[2:])
             for number, corners in enumerate(boxes)
         ],
         "steps": [{"name": "history"}],

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from verification.scenes import elastic, lengths, quantity, strengths
+from verification.scenes import box, elastic, lengths, quantity, strengths
 
 STEPS = ("history", "first", "second")
 CONDITIONS = ("fixed", "roller", "traction", "free")
@@ -80,7 +80,7 @@ def _box(random, lower, upper) -> dict:
     """A box within the domain or across its faces. It may be as thin as 3 % of the domain."""
     side = (upper - lower) * 10.0 ** random.uniform(-1.5, -0.2, len(lower))
     start = lower - 0.1 * side + random.random(len(lower)) * (upper - lower - 0.8 * side)
-    return {"shape": "box", "lower": lengths(start), "upper": lengths(start + side)}
+    return box(start, start + side)
 
 
 def _ball(random, lower, upper, dimension: int) -> dict:
