@@ -5,7 +5,6 @@ import logging
 import math
 import os
 import platform
-import resource
 import shutil
 import signal
 import statistics
@@ -19,6 +18,7 @@ from pathlib import Path
 
 import psutil
 
+from common.costs import processor_time
 from common.stage import die_with_parent
 from verification.benchmarks.peers.stope import sizes
 from verification.benchmarks.settings import PEERS, ROOT, Case, Code, Settings
@@ -54,7 +54,7 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
             command = command_of(settings.codes[case.code], case, path, threads, environments)
         except Unavailable as error:
             return row | {"outcome": LEFT_OUT, "remark": str(error)}
-        before = processor_time()
+        before = times_now()
         while len(answers) < settings.repetitions:
             outcome, more = watch(command, threads, time_limit, settings.memory_limit)
             if outcome != DONE:
@@ -62,7 +62,7 @@ def measure(settings: Settings, case: Case, threads: int, earlier: list[dict], e
             answers += more
             if more[-1]["seconds"] > settings.repeat_below:
                 break
-        taken, ours, elapsed = (now - then for now, then in zip(processor_time(), before, strict=True))
+        taken, ours, elapsed = (now - then for now, then in zip(times_now(), before, strict=True))
     others = max(taken - ours, 0.0) / elapsed
     middle = {key: statistics.median(answer[key] for answer in answers) for key in ("seconds", "cpu_seconds", "memory")}
     return row | answers[-1] | middle | {"repetitions": len(answers), "others": others}
@@ -78,7 +78,7 @@ def machine() -> str:
     return f"{name}, {os.cpu_count()} cores, {memory:.0f} GB, {platform.system()}, Python {platform.python_version()}"
 
 
-def processor_time() -> tuple[float, float, float]:
+def times_now() -> tuple[float, float, float]:
     """Processor time of the whole machine, that of this process with its ended children, and the clock; all in s.
 
     Time that a virtual machine's host gave to others counts as the machine's.
@@ -86,8 +86,7 @@ def processor_time() -> tuple[float, float, float]:
     times = psutil.cpu_times()
     idle = times.idle + getattr(times, "iowait", 0.0)
     guests = getattr(times, "guest", 0.0) + getattr(times, "guest_nice", 0.0)  # User time includes them.
-    own = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(times) - guests - idle, sum(use.ru_utime + use.ru_stime for use in own), time.perf_counter()
+    return sum(times) - guests - idle, processor_time(), time.perf_counter()
 
 
 def foreseen(cells: int, earlier: list[dict], time_limit: float, memory_limit: float) -> str:
