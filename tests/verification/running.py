@@ -1,6 +1,5 @@
 """Reduced studies run in this process by the ordinary stage functions, without Snakemake."""
 
-import copy
 import functools
 import re
 from collections.abc import Callable
@@ -13,24 +12,13 @@ from mpm_core.scene.scene import parse_scene
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.grid_stage import make_grid
 from seismic.events import extract_events
+from verification.extremes.tiny_mine import changed
 from verification.results import Results, Variant
 from verification.studies import load_study, merge
 
 ROOT = Path(__file__).parents[2]
 STUDIES = ROOT / "config" / "verification"
 DEFAULT = yaml.safe_load((ROOT / "config" / "default.yaml").read_text())
-
-
-def changed(scene: dict, changes: dict) -> dict:
-    """A copy of a scene with values set by dotted key; items of lists by number ("steps.0.name")."""
-    scene = copy.deepcopy(scene)
-    for key, value in changes.items():
-        *parents, last = (int(part) if part.isdigit() else part for part in key.split("."))
-        part = scene
-        for parent in parents:
-            part = part.setdefault(parent, {}) if isinstance(part, dict) else part[parent]
-        part[last] = value
-    return scene
 
 
 def same_costs(costs: Costs, members: Costs | None = None) -> Callable[[str], Costs]:
@@ -64,7 +52,7 @@ def run_study(name: str, folder: Path, variants: dict[str, dict] | list[str] | N
     if "scene" in text:
         scene = text.pop("scene")
         text["variants"] = {
-            variant: changed(merge(scene, over or {}), changes) for variant, over in text["variants"].items()
+            variant: changed(merge(scene, over or {}), **changes) for variant, over in text["variants"].items()
         }
         text["scene"] = {}
     path = Path(folder) / f"{name}.yaml"
