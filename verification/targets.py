@@ -134,10 +134,10 @@ MEASURING = {  # By the name of the target.
     ),
     # The numerics driven until they break, one setting at a time.
     "stability": Measuring(
-        "stability", lambda cases: list(KEYS), memory=2000, uses=("cavities", "extremes"), tables=("ranges",)
+        "stability", lambda cases: list(KEYS), memory=2000, uses=("cavities", "extremes"), tables=("ranges", "settings")
     ),
     # Random mines at the extremes. Its cases are cases of stability, so that none runs for both.
-    "extremes": Measuring("extremes", lambda cases: list(SEVERAL_SEEDS), tables=("ranges",)),
+    "extremes": Measuring("extremes", lambda cases: list(SEVERAL_SEEDS), tables=("ranges", "settings")),
     # Coverage and widths of a calibration's intervals, twins that come back, records that are flagged, another sampler.
     "calibration_truth": Measuring("calibration_truth", lambda cases: list(TERMS), numerics=("calibration",)),
 }

@@ -18,7 +18,7 @@ from verification.tradeoff.figure import draw
 from verification.tradeoff.knobs import BY_KEY, CHOSEN, changed, label, settings_of
 from verification.tradeoff.measures import richardson
 from verification.tradeoff.points import Point, Points, measure_study
-from verification.tradeoff.runs import Scene, pareto_front
+from verification.tradeoff.runs import SceneRuns, pareto_front
 from verification.tradeoff.scenes import apart
 from verification.tradeoff.study import PRICE_COLUMNS, STUDY, make_table, percent, price_rows, truth_rows
 
@@ -59,7 +59,7 @@ def test_without_an_order_the_finest_stands_for_the_limit(values):
     assert np.isnan(found.order)
 
 
-def made_up(changes: dict[str, dict], limit: tuple = ()) -> Scene:
+def made_up(changes: dict[str, dict], limit: tuple = ()) -> SceneRuns:
     """A scene of points: seconds, potency and knobs by variant; six stages, the start of each takes 1 s.
 
     Its base has a tolerance of 1e-5 and 1e-3 between generations, whatever the defaults are.
@@ -87,18 +87,18 @@ def made_up(changes: dict[str, dict], limit: tuple = ()) -> Scene:
             )
         )
     chosen = {"main": "potency", "base": "base", "limit": list(limit)}
-    study = Study("made_up", "tradeoff", "Made up", "Nothing.", True, 1, True, {}, chosen, {}, {})
-    return Scene(study, Points({}, points))
+    study = Study("made_up", "tradeoff", "Made up", True, 1, True, {}, chosen, {}, {})
+    return SceneRuns(study, Points({}, points))
 
 
 BASE = {"base": {"work": 10.0, "potency": 1.1}, "again": {"work": 11.0, "potency": 1.1}}
 
 
-def line_of(scene: Scene, knob: str):
+def line_of(scene: SceneRuns, knob: str):
     return next(line for line in scene.lines if line.knob == knob)
 
 
-def rows_on(scene: Scene, knob: str) -> list[dict]:
+def rows_on(scene: SceneRuns, knob: str) -> list[dict]:
     """What each value of a setting buys."""
     return [row for row in price_rows(scene) if row["setting"] == BY_KEY[knob].title]
 
@@ -264,7 +264,7 @@ def test_a_study_runs_to_its_tables(tmp_path):
     points = measure_study(results)
     read = Points.read(json.loads(json.dumps(asdict(points))))
     assert json.dumps(asdict(read)) == json.dumps(asdict(points))
-    scene = Scene(results.study, read)
+    scene = SceneRuns(results.study, read)
     table = make_table([scene]).set_index("variant")
     assert table.loc["base", "failed_volume_m3"] != pytest.approx(table.loc["once", "failed_volume_m3"], rel=1e-3)
     assert table.loc["once", "changes"] == "increments 1"
@@ -292,7 +292,7 @@ def test_closed_forms_are_met_by_elastic_scenes(tmp_path):
     """Coarse cells: closure within 3 %, stress around within 2 %."""
     for name, grid in (("tradeoff_kirsch", {"finest_cell": "1 m"}), ("tradeoff_cavity", {"finest_cell": "1 m"})):
         results = run_study(name, tmp_path, {"base": {"grid": grid}})
-        scene = Scene(results.study, measure_study(results))
+        scene = SceneRuns(results.study, measure_study(results))
         errors = {measure.key: scene.error(scene.base, measure) for measure in scene.measures}
         assert errors["closure"] < 0.03, name
         assert errors["stress"] < 0.02, name
@@ -306,9 +306,9 @@ def test_a_run_without_a_closing_line_has_no_time(tmp_path):
     points = measure_study(results)
     (point,) = points.points
     assert np.isnan([point.seconds, point.wall]).all()
-    assert Scene(results.study, points).front == []
+    assert SceneRuns(results.study, points).front == []
     timed = replace(point, variant="timed", seconds=8.0, least=0.5)
-    scene = Scene(results.study, replace(points, points=[point, timed]))
+    scene = SceneRuns(results.study, replace(points, points=[point, timed]))
     assert np.isnan(scene.work(point))
     assert scene.cost(point) == scene.work(timed) > 0.0
     assert np.isnan(scene.noise)

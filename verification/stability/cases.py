@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 
 from verification.rows import KnownMiss
-from verification.stability.judges import Judge, closure_error, dimension_of, front_error
+from verification.stability.judges import ErrorMeasure, closure_error, dimension_of, front_error
 
 # Allowed errors as shares of closure and front of a tunnel and a sphere: 0.4 of a cell, which is an eighth of a
 # tunnel's radius and a quarter of a sphere's.
@@ -28,7 +28,7 @@ class Case:
     series: str
     value: float | str
     values: dict
-    judge: Judge | None
+    judge: ErrorMeasure | None
     allowed: float
     known: KnownMiss | None = None
     under: Callable[[], AbstractContextManager] = nullcontext
@@ -47,7 +47,7 @@ def front_case(series: str, value: float, scene: dict, **options) -> Case:
 
 @dataclass(frozen=True)
 class Knob:
-    """A quantity that is varied. scale: of its axis, log | linear | words | none. about: its text on the page."""
+    """A quantity that is varied. scale: of its axis, log | linear | words | none. about: what is run, for the page."""
 
     key: str
     title: str

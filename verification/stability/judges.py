@@ -14,7 +14,7 @@ from verification.extremes.outcomes import LAST, RESTS, Outcome
 from verification.scenes import MINED_HEIGHT, value_of
 
 CLOSURE_RADII = 1.5, 3.0  # Distances in radii between which a hole's closure is measured.
-Judge = Callable[[dict, Outcome, Callable[[dict], Outcome]], float]
+ErrorMeasure = Callable[[dict, Outcome, Callable[[dict], Outcome]], float]
 
 
 def dimension_of(values: dict) -> int:
@@ -117,8 +117,8 @@ def rise_error(values: dict, outcome: Outcome, run=None) -> float:
 
 def compared(
     difference: Callable[[xr.Dataset, xr.Dataset], float], change: Callable[[dict], dict], stage: str
-) -> Judge:
-    """Judge by the difference of two states at a stage: the scene's, and the changed scene's if it rests."""
+) -> ErrorMeasure:
+    """Error by the difference of two states at a stage: the scene's, and the changed scene's if it rests."""
 
     def judge(values: dict, outcome: Outcome, run) -> float:
         other = run(change(values))
@@ -127,8 +127,8 @@ def compared(
     return judge
 
 
-def same_motion(change: Callable[[dict], dict], turn: int = 1, stage: str = "elastic") -> Judge:
-    """Judge by the motion of the changed scene at the same places: the largest difference over the largest motion.
+def same_motion(change: Callable[[dict], dict], turn: int = 1, stage: str = "elastic") -> ErrorMeasure:
+    """Error by the motion of the changed scene at the same places: the largest difference over the largest motion.
 
     turn: -1 where x of the changed scene is mirrored. stage: name of the state, or LAST.
     """
@@ -146,8 +146,8 @@ def same_motion(change: Callable[[dict], dict], turn: int = 1, stage: str = "ela
     return compared(difference, change, stage)
 
 
-def same_fact(name: str, change: Callable[[dict], dict]) -> Judge:
-    """Judge by an attribute of the changed scene's elastic state: the difference over the larger of the two."""
+def same_fact(name: str, change: Callable[[dict], dict]) -> ErrorMeasure:
+    """Error by an attribute of the changed scene's elastic state: the difference over the larger of the two."""
 
     def difference(*states: xr.Dataset) -> float:
         first, second = (float(state.attrs[name]) for state in states)

@@ -19,7 +19,7 @@ SCENES_PER_COMPARISON = 5  # One in so many scenes is compared with its relation
 
 
 def related(name: str):
-    """Judge that gives 0 where the relation of this name holds, else inf."""
+    """An error that is 0 where the relation of this name holds, else inf."""
 
     def judge(values: dict, outcome: Outcome, run) -> float:
         return float("inf") if compare(name, values, outcome, run) else 0.0

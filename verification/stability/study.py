@@ -13,7 +13,7 @@ from verification.stability.knobs import knob_of
 from verification.stability.points import FAULT, RIGHT, WRONG, Point, measure
 
 NO_AXIS = "none"  # Scale of a knob that no panel shows.
-RANGES = "ranges"
+RANGES, SETTINGS = "ranges", "settings"  # Names of the tables beside that of all runs.
 RANGE_COLUMNS = {  # Column of a stretch: that of its runs, and what it takes of them.
     "knob": ("knob", "first"),
     "series": ("series", "first"),
@@ -30,9 +30,10 @@ def measure_case(key: str, inputs: Inputs, threads: int) -> list[dict]:
 
 
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
-    """The table of all runs, and that of the stretches of each series that ended in one way."""
+    """Tables of all runs, of the stretches of each series that ended in one way, and of what each knob changes."""
     runs = pd.DataFrame([point for points in results.values() for point in points])
-    return {"table": runs, RANGES: ranges(runs)}
+    knobs = pd.DataFrame([{"knob": key, "setting": knob_of(key).title, "runs": knob_of(key).about} for key in results])
+    return {"table": runs, RANGES: ranges(runs), SETTINGS: knobs}
 
 
 def figures(results: CaseResults) -> dict[str, Figure]:
@@ -71,6 +72,7 @@ STUDY = MeasuringStudy(
     tables,
     figures,
     shown=(
+        Columns("The settings, and what is run", ("knob", "setting", "runs"), file=SETTINGS),
         ENDS,
         MISSES,
         Columns("Along each setting, and the largest error as a share", tuple(RANGE_COLUMNS), file=RANGES),

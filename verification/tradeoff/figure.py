@@ -8,7 +8,7 @@ from verification.plots import plain_ticks
 from verification.tradeoff.knobs import BY_KEY, KNOBS
 from verification.tradeoff.measures import ITSELF
 from verification.tradeoff.points import Point
-from verification.tradeoff.runs import Line, Scene
+from verification.tradeoff.runs import Line, SceneRuns
 from workflow.accuracy import DRAFT, FINE, STANDARD
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555", "#882255")  # Okabe, Ito; Tol
@@ -21,7 +21,7 @@ LOOKS = {
 }
 
 
-def draw(scene: Scene) -> Figure:
+def draw(scene: SceneRuns) -> Figure:
     """Left: error of the main measure against time, a line for each knob. Right: change of measure and time by knob."""
     figure = style.new_figure(height=5.2)
     left, right = figure.subplots(1, 2)
@@ -36,7 +36,7 @@ def draw(scene: Scene) -> Figure:
     return figure
 
 
-def prices(panel: Axes, scene: Scene) -> None:
+def prices(panel: Axes, scene: SceneRuns) -> None:
     """Error against time, log-log. The front is drawn as steps; its runs have the numbers of the table."""
     for line in scene.lines:
         numbers = [member for member in line.members if not isinstance(member.settings[line.knob], str)]
@@ -66,7 +66,7 @@ def prices(panel: Axes, scene: Scene) -> None:
     plain_ticks(panel.yaxis)
 
 
-def changes(panel: Axes, scene: Scene) -> None:
+def changes(panel: Axes, scene: SceneRuns) -> None:
     """Change of the main measure against the gain in speed, for each value of a knob, log-log."""
     for line in scene.lines:
         moved = [100 * max(MIN_DRAWN_CHANGE, abs(scene.change(line, member))) for member in line.others]
@@ -88,7 +88,7 @@ def changes(panel: Axes, scene: Scene) -> None:
     plain_ticks(panel.yaxis)
 
 
-def _error(scene: Scene, point: Point) -> float:
+def _error(scene: SceneRuns, point: Point) -> float:
     return 100 * scene.error(point, scene.main)
 
 

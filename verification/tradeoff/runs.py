@@ -56,7 +56,7 @@ class Line:
         return [member for member in self.members if member is not self.anchor]
 
 
-class Scene:
+class SceneRuns:
     """A study's points and what follows from them. Raises InputError where its base or limit names no variant."""
 
     def __init__(self, study: Study, points: Points):

@@ -13,7 +13,7 @@ from verification.tradeoff.figure import draw
 from verification.tradeoff.knobs import BY_KEY, CHOSEN, KNOBS, changed
 from verification.tradeoff.measures import ITSELF, MEASURES
 from verification.tradeoff.points import Points, measure_study
-from verification.tradeoff.runs import Scene
+from verification.tradeoff.runs import SceneRuns
 from workflow.accuracy import PRESETS, STANDARD
 
 PRICES, TRUTHS = "prices", "truths"  # Names of the tables beside the rows of all runs.
@@ -29,9 +29,9 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> dict:
     return asdict(measure_study(read_study(name)))
 
 
-def scenes_of(results: CaseResults) -> list[Scene]:
+def scenes_of(results: CaseResults) -> list[SceneRuns]:
     """The scenes, with their studies as the files of config/verification have them."""
-    return [Scene(load_study(FOLDER / f"{name}.yaml"), Points.read(points)) for name, points in results.items()]
+    return [SceneRuns(load_study(FOLDER / f"{name}.yaml"), Points.read(points)) for name, points in results.items()]
 
 
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
@@ -47,7 +47,7 @@ def figures(results: CaseResults) -> dict[str, Figure]:
     return {scene.study.name: draw(scene) for scene in scenes_of(results)}
 
 
-def make_table(scenes: list[Scene]) -> pd.DataFrame:
+def make_table(scenes: list[SceneRuns]) -> pd.DataFrame:
     """One row for each run. Names of columns hold the units; errors are shares or in the measure's unit.
 
     accuracy: the preset. processor_s: processor time of all stages without compiling. work_s: the same less the start
@@ -96,7 +96,7 @@ def percent(share: float) -> str:
     return f"{100 * share:+.{min(decimals, 2)}f} %"
 
 
-def price_rows(scene: Scene) -> list[dict]:
+def price_rows(scene: SceneRuns) -> list[dict]:
     """One row for each value that runs give a setting, over the line's own value of it.
 
     beside: other settings that the whole line changes. times_as_fast: over the run with the value `from`. change: of
@@ -131,7 +131,7 @@ def price_rows(scene: Scene) -> list[dict]:
     return rows
 
 
-def truth_rows(scene: Scene) -> list[dict]:
+def truth_rows(scene: SceneRuns) -> list[dict]:
     """What the measures of a scene are compared with, where their value is not their error.
 
     order: of convergence of ever smaller cells. finest_from_truth: error of the finest run; smaller ones say little.
