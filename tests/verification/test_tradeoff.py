@@ -119,7 +119,7 @@ def test_a_row_says_what_a_value_buys():
     assert row["times_as_fast"] == pytest.approx(2.1)
     assert row["change"] == pytest.approx(0.004)
     assert (row["error_before"], row["error"]) == (pytest.approx(0.1), pytest.approx(0.1044))
-    assert (row["buys"], row["price"], row["fastest"]) == ("speed, for less than 1 %", "1e-03: 2.1 x, +0.4 %", "yes")
+    assert (row["buys"], row["price"], row["fastest"]) == ("speed, for less than 1 %", "1e-03: 2.1 x, +0.40 %", "yes")
     (truth, *_) = truth_rows(scene)
     assert (truth["measure"], truth["source"]) == ("seismic potency", "limit of ever smaller cells")
     assert (truth["truth"], truth["finest_from_truth"]) == (pytest.approx(1.0), pytest.approx(0.1))
