@@ -1,6 +1,6 @@
 """Results of the stages for a study's variants, as an answer reads them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -69,6 +69,16 @@ class Variant:
         """steps/<name>.nc"""
         return self._dataset(f"steps/{name}.nc")
 
+    @property
+    def last(self) -> xr.Dataset:
+        """The state after the last step; the elastic one where no step is listed."""
+        return self.step(self.step_names[-1]) if self.step_names else self.elastic
+
+    @property
+    def stages(self) -> list[str]:
+        """Names of the stages that make its grid and its states, in order."""
+        return ["grid", "elastic", *(f"steps/{name}" for name in self.step_names)]
+
     def events(self, name: str) -> xr.Dataset:
         """events/<name>.nc"""
         return check_events(self._dataset(f"events/{name}.nc"), f"events/{name}.nc")
@@ -109,6 +119,10 @@ class Results:
     def settings(self) -> dict:
         """Settings of the study, which its answer reads."""
         return self.study.settings
+
+    def present(self, names: Iterable[str]) -> list[str]:
+        """Those of these variants that were run. A reduced study leaves some out."""
+        return [name for name in names if name in self.variants]
 
     def __getitem__(self, variant: str) -> Variant:
         return self.variants[variant]

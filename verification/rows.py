@@ -41,6 +41,13 @@ class Row:
         return cls(quantity, expected, obtained, abs(obtained - expected) / abs(expected), allowed, remark)
 
     @classmethod
+    def absolute(
+        cls, quantity: str, expected: float, obtained: float, allowed: float | None = None, remark: str = ""
+    ) -> "Row":
+        """A row whose error is |obtained - expected|."""
+        return cls(quantity, expected, obtained, abs(obtained - expected), allowed, remark)
+
+    @classmethod
     def at_least(cls, quantity: str, obtained: float, least: float, remark: str = "") -> "Row":
         """A row without theory whose error is what the obtained value lacks of `least`; the remark states `least`."""
         lacks = 0.0 if obtained >= least else least - obtained  # NaN stays NaN, which does not pass

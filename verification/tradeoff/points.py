@@ -67,11 +67,10 @@ def measure_study(results: Results) -> Points:
 
 
 def _point(name: str, variant: Variant, measures: dict[str, float], with_events: bool) -> Point:
-    steps = variant.step_names
+    steps, last = variant.step_names, variant.last
     stages = variant.stages + (["events"] if with_events and steps else [])
     costs = [variant.costs(stage) or UNKNOWN for stage in stages]
     running = np.array([cost.running for cost in costs])
-    last = variant.step(steps[-1]) if steps else variant.elastic
     return Point(
         variant=name,
         accuracy=variant.mine.settings.accuracy,
