@@ -36,15 +36,28 @@ def first_motion(tensor: np.ndarray, samples: int = PIXELS_ACROSS) -> tuple[np.n
     return line, line, np.einsum("...i,ij,...j->...", ray, tensor / scale if scale > 0 else tensor, ray)
 
 
-def draw_ball(axes: Axes, tensor: np.ndarray, colour: str = style.MODELLED) -> None:
-    """Draw one ball: coloured where first motion is outward (dilated, as the paper's Fig. 16), white where inward."""
-    x, y, motion = first_motion(tensor)
-    disc = Circle((0, 0), 1, facecolor="white", edgecolor="none", zorder=4)
+def draw_ball(
+    axes: Axes,
+    tensor: np.ndarray,
+    colour: str = style.MODELLED,
+    *,
+    centre: tuple[float, float] = (0.0, 0.0),
+    radius: float = 1.0,
+    samples: int = PIXELS_ACROSS,
+    linewidth: float = 0.9,
+) -> None:
+    """Draw one ball: coloured where first motion is outward (dilated, as the paper's Fig. 16), white where inward.
+
+    centre, radius: in the units of the axes; samples: pixels across; linewidth: of the rim, points.
+    """
+    x, y, motion = first_motion(tensor, samples)
+    disc = Circle(centre, radius, facecolor="white", edgecolor="none", zorder=4)
     axes.add_patch(disc)
     if motion.max() > 0:
-        drawn = axes.contourf(x, y, motion, levels=[0.0, 2.0], colors=[colour], zorder=5)
+        place = centre[0] + radius * x, centre[1] + radius * y
+        drawn = axes.contourf(*place, motion, levels=[0.0, 2.0], colors=[colour], zorder=5)
         drawn.set_clip_path(disc)
-    axes.add_patch(Circle((0, 0), 1, facecolor="none", edgecolor="k", linewidth=0.9, zorder=6))
+    axes.add_patch(Circle(centre, radius, facecolor="none", edgecolor="k", linewidth=linewidth, zorder=6))
 
 
 def beach_balls(moment_tensors: np.ndarray, titles: list[str], axes_of: np.ndarray, colour: str) -> Figure:

@@ -8,17 +8,17 @@ from matplotlib.figure import Figure, FigureBase
 
 from catalogs.figures import style
 from common.errors import InputError
-from verification.answers.brazilian_disc import event_rows
+from verification.answers.brazilian_disc import NOTHING, event_rows, potency_rows
 from verification.answers.brazilian_disc.closed_form import Disc, PeakStrength, first_failure
 from verification.answers.brazilian_disc.crack import Crack, Moment, read_crack
+from verification.answers.brazilian_disc.elastic_rock import means_by
 from verification.answers.brazilian_disc.figure import draw_growth, draw_stages, draw_stress
-from verification.comparisons import reported, vanishing
+from verification.comparisons import reported
 from verification.plots import COLOURS
 from verification.results import Results, Variant
 from verification.rows import Row
 
 KILO, MILLI, GIGA = 1e-3, 1e3, 1e9
-NOTHING = float("nan")
 
 
 class PlatenDisc:
@@ -40,12 +40,7 @@ class PlatenDisc:
         self.platen = platen["lower"][1]
         self.cell_size = values["grid"]["coarse_cell"]
         self.poisson_ratio = rock["poisson_ratio"]
-        cutoff = rock["tension_cutoff"]
-        self.strength = PeakStrength(
-            np.radians(rock["friction_angle"]["intact"]),
-            rock["cohesion"]["intact"],
-            None if cutoff == "none" else cutoff["intact"],
-        )
+        self.strength = PeakStrength.of(rock)
         self.strain = {entry["step"]: -entry["strain"]["yy"] for entry in values["strains"]}
         self.before = self.strain.pop(variant.mine.steps[0].name)
 
@@ -123,20 +118,17 @@ def through_moment(crack: Crack, span: float) -> Moment | None:
 def crack_rows(disc: PlatenDisc, crack: Crack[PlatenDisc] | None, results: Results) -> list[Row]:
     """Place of the potency and axis of opening at the moment when the crack spans every layer."""
     allowed, settings = results.allowed, results.settings
-    near = f"{disc.name}: share of potency within {MILLI * settings['near']:g} mm of the loaded diameter, run through"
     moment = through_moment(crack, settings["span"]) if crack else None
     if crack is None or moment is None:
         last = f"least span {crack.layer_spans(crack.moments[-1].generation).min():.2f}" if crack else "no rock fails"
-        return [Row(near, 1.0, NOTHING, NOTHING, allowed["near"], f"it never runs through: {last}")]
-    spans, share = crack.layer_spans(moment.generation), crack.near_share(settings["near"], moment)
-    angle = crack.opening_axis_angle(moment)
+        return potency_rows(disc.name, None, None, settings, allowed, f"it never runs through: {last}")
+    spans = crack.layer_spans(moment.generation)
     remark = (
         f"{spans.min():.2f} to {spans.max():.2f} of it spanned in {len(spans)} layers after "
         f"{moment.generation + 1} generations, {moment.failed_cells} cells, platens "
         f"{crack.text_of(moment.part)} closer (first failure: {crack.text_of(crack.first_part)})"
     )
-    axis = f"{disc.name}: T axis of all potency until then, degrees from the normal of the loaded diameter"
-    return [Row(near, 1.0, share, 1.0 - share, allowed["near"], remark), vanishing(axis, angle, allowed["axis"])]
+    return potency_rows(disc.name, crack, moment, settings, allowed, remark)
 
 
 def printed_rows(crack: Crack, settings: dict) -> list[Row]:
@@ -188,13 +180,12 @@ def draw_diameter(axes: Axes, disc: PlatenDisc) -> None:
     """Stress on the loaded diameter, mean through the thickness, with Hondros' lines."""
     state = disc.variant.elastic
     near = np.flatnonzero((np.abs(state.position.values[:, 0]) < disc.cell_size) & (state.volume.values > 0.0))
-    height, number = np.unique(np.round(state.position.values[near, 1], 9), return_inverse=True)
+    height, found = means_by(np.round(state.position.values[near, 1], 9), state.stress.values[near, :2])
     inside = np.abs(height) < disc.platen
     line = np.linspace(-0.999, 0.999, 401) * disc.disc.radius
     exact = disc.disc.stress(np.stack([0.0 * line, line], axis=1), disc.disc.pressure(disc.force(state)))
-    found = [np.bincount(number, state.stress.values[near, i]) / np.bincount(number) for i in (0, 1)]
     title = f"Loaded diameter at {KILO * disc.force(state):.2f} kN"
-    draw_stress(axes, title, height[inside], np.array(found)[:, inside], (line, exact.T[:2]))
+    draw_stress(axes, title, height[inside], found[inside].T, (line, exact.T[:2]))
 
 
 def draw_potency(axes: Axes, cracks: dict[str, Crack[PlatenDisc]]) -> None:
@@ -205,7 +196,6 @@ def draw_potency(axes: Axes, cracks: dict[str, Crack[PlatenDisc]]) -> None:
         by_part = np.bincount(crack.part_of, fresh, crack.parts + 1)
         closing = [MILLI * crack.disc.closing(crack.step, part / crack.parts) for part in parts]
         axes.step(closing, GIGA * np.cumsum(by_part), where="post", color=colour, linewidth=1.2, label=name)
-    axes.set_title("Potency by platen displacement")
-    axes.set_xlabel("approach of the platens (mm)")
-    axes.set_ylabel("potency so far (mm³)")
+    labels = {"xlabel": "approach of the platens (mm)", "ylabel": "potency so far (mm³)"}
+    axes.set(title="Potency by platen displacement", **labels)
     axes.legend(loc="upper left")

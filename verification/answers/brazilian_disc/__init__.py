@@ -4,14 +4,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs.sources.sizes import estimate_b, log_potency
-from verification.answers.brazilian_disc.crack import Crack, read_crack
+from verification.answers.brazilian_disc.crack import Crack, Moment, read_crack
 from verification.answers.brazilian_disc.elastic_rock import PressedDisc
 from verification.answers.brazilian_disc.figure import draw
-from verification.comparisons import reported, vanishing
+from verification.comparisons import convergence_orders, reported, vanishing
 from verification.results import Results
 from verification.rows import Row
 
 KILO, MILLI, MICRO, GIGA = 1e-3, 1e3, 1e6, 1e9
+NOTHING = float("nan")
 NO_REST = "no state of rest with failed rock among the steps: the crack runs at the load of the first failure"
 
 
@@ -63,14 +64,10 @@ def elastic_rows(disc: PressedDisc, allowed: dict) -> list[Row]:
 def crack_rows(disc: PressedDisc, crack: Crack[PressedDisc] | None, results: Results) -> list[Row]:
     """Load at which the crack starts and runs, its span, and the place and mechanism of its potency."""
     allowed, settings = results.allowed, results.settings
-    share = f"{disc.name}: share of potency within {MILLI * settings['near']:g} mm of the loaded diameter, run through"
     through = f"{disc.name}: share of the loaded diameter that the crack spans in the last state of rest"
     if crack is None:
-        nothing = float("nan")
-        return [
-            Row(through, 1.0, nothing, nothing, allowed.get("through"), NO_REST),
-            Row(share, 1.0, nothing, nothing, allowed.get("near"), NO_REST),
-        ]
+        row = Row.absolute(through, 1.0, NOTHING, allowed.get("through"), NO_REST)
+        return [row, *potency_rows(disc.name, None, None, settings, allowed, NO_REST)]
     last = crack.moments[-1]
     first = disc.first_failure()[0].resultant
     part = (crack.load(1) - crack.load(0)) * KILO
@@ -85,8 +82,8 @@ def crack_rows(disc: PressedDisc, crack: Crack[PressedDisc] | None, results: Res
             f"between the elastic prediction and the next part, {part:.3f} kN; the crack runs at "
             f"{'this load' if ends == begins else f'up to {ends * KILO:.3f} kN'}",
         ),
-        Row(
-            through, 1.0, last.span, 1.0 - last.span, allowed.get("through"),
+        Row.absolute(
+            through, 1.0, last.span, allowed.get("through"),
             f"{len(crack.moments)} generations of failure, {last.failed_cells} cells; "
             + ("what fails next finds no rest" if crack.state.attrs.get("collapsed") else "at rest"),
         ),
@@ -96,21 +93,29 @@ def crack_rows(disc: PressedDisc, crack: Crack[PressedDisc] | None, results: Res
     if moment:
         remark = f"when {100 * settings['span']:g} % are spanned, after {moment.generation + 1} generations"
     moment = moment or last
-    near = crack.near_share(settings["near"], moment)
-    rows.append(Row(share, 1.0, near, 1.0 - near, allowed.get("near"), remark))
-    angle = crack.opening_axis_angle(moment)
-    quantity = f"{disc.name}: T axis of all potency until then, degrees from the normal of the loaded diameter"
-    rows.append(vanishing(quantity, angle, allowed.get("axis")))
-    double_couple = events_mean(crack, "dc")
-    expected = 1.0 / disc.dilation_factor
-    rows.append(
-        Row(
-            f"{disc.name}: double-couple share of the events, mean by potency",
-            expected, double_couple, abs(double_couple - expected), allowed.get("double_couple"),
-            "fixed by the dilation angle, not by what made the rock fail",
-        )
-    )  # fmt: skip
+    rows += potency_rows(disc.name, crack, moment, settings, allowed, remark)
+    quantity = f"{disc.name}: double-couple share of the events, mean by potency"
+    why = "fixed by the dilation angle, not by what made the rock fail"
+    bound = allowed.get("double_couple")
+    rows.append(Row.absolute(quantity, 1.0 / disc.dilation_factor, events_mean(crack, "dc"), bound, why))
     return rows
+
+
+def potency_rows(
+    name: str, crack: Crack | None, moment: Moment | None, settings: dict, allowed: dict, remark: str
+) -> list[Row]:
+    """Share of the potency near the loaded diameter at a moment, and the axis of opening until then.
+
+    Without a crack that has such a moment there is only the first row, which fails.
+    """
+    near = f"{name}: share of potency within {MILLI * settings['near']:g} mm of the loaded diameter, run through"
+    if crack is None or moment is None:
+        return [Row.absolute(near, 1.0, NOTHING, allowed.get("near"), remark)]
+    axis = f"{name}: T axis of all potency until then, degrees from the normal of the loaded diameter"
+    return [
+        Row.absolute(near, 1.0, crack.near_share(settings["near"], moment), allowed.get("near"), remark),
+        vanishing(axis, crack.opening_axis_angle(moment), allowed.get("axis")),
+    ]
 
 
 def events_mean(crack: Crack, variable: str) -> float:
@@ -166,7 +171,7 @@ def order_rows(discs: list[PressedDisc], allowed: dict) -> list[Row]:
     if len(discs) < 2:
         return []
     sizes, errors = [disc.cell_size for disc in discs], [disc.field_error() for disc in discs]
-    order = float(np.log(errors[0] / errors[-1]) / np.log(sizes[0] / sizes[-1]))
+    (order,) = convergence_orders((sizes[0], sizes[-1]), (errors[0], errors[-1]))
     loads = [found.resultant / exact.resultant - 1.0 for found, exact in (disc.first_failure() for disc in discs)]
     remark = (
         f"errors {', '.join(f'{100 * error:.2f}' for error in errors)} %; load of first failure "
@@ -180,13 +185,13 @@ def together_rows(crack: Crack | None, settings: dict) -> list[Row]:
     """The crack where all rock above strength fails at once."""
     if crack is None:
         return []
-    last, nothing = crack.moments[-1], float("nan")
+    last = crack.moments[-1]
     remark = f"{last.failed_cells} cells in {len(crack.moments)} generations: a crushed zone, then no rest"
     near = crack.near_share(settings["near"], last)
     return [
-        Row("all at once: share of the loaded diameter spanned in the last state of rest", 1.0, last.span, nothing,
+        Row("all at once: share of the loaded diameter spanned in the last state of rest", 1.0, last.span, NOTHING,
             remark=remark),
-        Row("all at once: share of potency near the loaded diameter", 1.0, near, nothing),
+        Row("all at once: share of potency near the loaded diameter", 1.0, near, NOTHING),
     ]  # fmt: skip
 
 
@@ -204,10 +209,9 @@ def spread_rows(cracks: list[Crack[PressedDisc]], settings: dict) -> list[Row]:
         ],
         "potency when run through, mm3": [GIGA * moment.potency for moment in moments],
     }
-    nothing = float("nan")
     rows = []
     for quantity, found in values.items():
         remark = ", ".join(f"{crack.disc.name} {value:.3g}" for crack, value in zip(cracks, found, strict=True))
         spread = (max(found) - min(found)) / abs(np.mean(found))
-        rows.append(Row(f"{cell}: {quantity}", nothing, float(np.mean(found)), float(spread), remark=remark))
+        rows.append(reported(f"{cell}: {quantity}", float(np.mean(found)), remark, float(spread)))
     return rows

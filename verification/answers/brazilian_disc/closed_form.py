@@ -14,9 +14,12 @@ and plane stress alike. Tension positive.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.optimize import minimize
+
+from common.voigt import tensor_from_voigt
 
 QUADRATURE_POINTS = 64  # Gauss points on half a diameter, where the stress is smooth.
 SEARCH_POINTS_PER_RADIUS = 160  # Grid on which first failure is looked for before its place is refined.
@@ -80,11 +83,15 @@ class PeakStrength:
     cohesion: float
     tension_cutoff: float | None = None
 
+    @classmethod
+    def of(cls, material: dict) -> Self:
+        """Intact strength of a material of a configuration (degrees, Pa)."""
+        friction, cohesion, cutoff = (material[key] for key in ("friction_angle", "cohesion", "tension_cutoff"))
+        return cls(np.radians(friction["intact"]), cohesion["intact"], None if cutoff == "none" else cutoff["intact"])
+
     def load_factor(self, stress: np.ndarray) -> np.ndarray:
         """Factor (...,) by which a stress (..., 6) may grow until it fails; inf where it never fails."""
-        xx, yy, zz, yz, xz, xy = np.moveaxis(np.asarray(stress, float), -1, 0)
-        tensor = np.stack([np.stack(row, axis=-1) for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))], axis=-2)
-        values = np.linalg.eigvalsh(tensor)
+        values = np.linalg.eigvalsh(tensor_from_voigt(np.asarray(stress, float)))
         smallest, largest = values[..., 0], values[..., 2]
         sine, cosine = np.sin(self.friction_angle), np.cos(self.friction_angle)
         friction, unconfined = (1.0 + sine) / (1.0 - sine), 2.0 * self.cohesion * cosine / (1.0 - sine)

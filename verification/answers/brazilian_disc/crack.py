@@ -13,6 +13,7 @@ from common.voigt import tensor_from_voigt
 from seismic.events import extract_events, particle_potency
 from verification.answers.brazilian_disc.closed_form import Disc
 from verification.answers.brazilian_disc.elastic_rock import MIN_SOUND_SHARE, PressedDisc
+from verification.comparisons import failed_in_step
 from verification.results import Variant
 
 STRAINS = ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step")
@@ -61,7 +62,7 @@ class Crack(Generic[Loaded]):
         self.disc, self.step = disc, step
         state = disc.variant.step(step)
         self.state = state
-        self.failed = state.failed.values == state.attrs["step_index"]
+        self.failed = failed_in_step(state)
         order = state.failure_order.values[self.failed].astype(np.int64)
         instant = order[:, 0] * (order[:, 1].max() + 1) + order[:, 1]
         _, first, self.rank = np.unique(
@@ -96,18 +97,23 @@ class Crack(Generic[Loaded]):
         return self.disc.text_of(self.step, part / self.parts)
 
     @cached_property
+    def cell_index(self) -> tuple[np.ndarray, np.ndarray]:
+        """Index of the cell of each failed particle along the axes (particle, 3), and number of cells (3,)."""
+        grid = self.disc.variant.grid
+        index = np.rint((grid.cell_origin.values - grid.attrs["domain_lower"]) / self.disc.cell_size).astype(int)
+        return index[self.state.cell.values[self.failed]], index.max(axis=0) + 1
+
+    @cached_property
     def moments(self) -> list[Moment]:
         """The crack after each generation."""
-        grid = self.disc.variant.grid
-        cell = self.state.cell.values[self.failed]
-        index = np.rint((grid.cell_origin.values - grid.attrs["domain_lower"]) / self.disc.cell_size).astype(int)
         axes = [0, 1] if self.disc.flat else [0, 1, 2]
-        broken = np.zeros(index[:, axes].max(axis=0) + 1, bool)
+        index, shape = self.cell_index
+        broken = np.zeros(shape[axes], bool)
         corners = ndimage.generate_binary_structure(len(axes), len(axes))  # Cells are connected over corners as well.
         potency = np.cumsum(np.bincount(self.rank, self.potency))
         moments = []
         for generation in range(self.rank.max() + 1):
-            broken[tuple(index[cell[self.rank == generation]][:, axes].T)] = True
+            broken[tuple(index[self.rank == generation][:, axes].T)] = True
             bodies = ndimage.find_objects(ndimage.label(broken, corners)[0])
             height = max(body[1].stop - body[1].start for body in bodies)
             span = height * self.disc.cell_size / (2.0 * self.disc.disc.radius)
@@ -117,10 +123,9 @@ class Crack(Generic[Loaded]):
 
     def layer_spans(self, generation: int) -> np.ndarray:
         """Span of the loaded diameter (layer,) in each layer of cells along the axis, by its largest connected body."""
-        grid, cell = self.disc.variant.grid, self.state.cell.values[self.failed][self.rank <= generation]
-        index = np.rint((grid.cell_origin.values - grid.attrs["domain_lower"]) / self.disc.cell_size).astype(int)
-        broken = np.zeros(index.max(axis=0) + 1, bool)
-        broken[tuple(index[cell].T)] = True
+        index, shape = self.cell_index
+        broken = np.zeros(shape, bool)
+        broken[tuple(index[self.rank <= generation].T)] = True
         within_layers = np.zeros((3, 3, 3), bool)
         within_layers[:, :, 1] = True
         labels, _ = ndimage.label(broken, within_layers)

@@ -12,9 +12,9 @@ from verification.answers.brazilian_disc.closed_form import (
     first_failure,
     plane_strain,
 )
+from verification.comparisons import MIN_UNCUT_SHARE
 from verification.results import Variant
 
-MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
 MIN_SOUND_SHARE = 0.5  # Share of rock from which a cell fails by its own stress. Cells with less are crumbs.
 IN_PLANE = [0, 1, 5]  # Places of xx, yy and xy among six components.
 # Share of the radius within which stress is compared: the load acts on a layer of cells, the exact one on the rim.
@@ -28,6 +28,13 @@ class Loading:
 
     before: float
     added: dict[str, float]
+
+
+def means_by(key: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distinct keys (k,) in order, and the mean of the values (particle, n) of each: (k, n)."""
+    keys, number = np.unique(key, return_inverse=True)
+    count = np.bincount(number)
+    return keys, np.stack([np.bincount(number, column) / count for column in values.T], axis=1)
 
 
 class PressedDisc:
@@ -46,12 +53,7 @@ class PressedDisc:
         thickness = values["thickness"] if self.flat else abs(space["end"][2] - space["start"][2])
         self.disc = Disc(space["radius"], thickness, self._half_arc(values["loads"]))
         self.youngs_modulus, self.poisson_ratio = rock["youngs_modulus"], rock["poisson_ratio"]
-        cutoff = rock["tension_cutoff"]
-        self.strength = PeakStrength(
-            np.radians(rock["friction_angle"]["intact"]),
-            rock["cohesion"]["intact"],
-            None if cutoff == "none" else cutoff["intact"],
-        )
+        self.strength = PeakStrength.of(rock)
         residual = np.sin(np.radians(rock["dilation_angle"]["residual"]))
         self.dilation_factor = (1.0 + residual) / (1.0 - residual)
         self.loading = self._loading(values["loads"])
@@ -100,10 +102,7 @@ class PressedDisc:
 
     def cell_means(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Means over uncut cells of particle values (particle, k): cells (cell,), means (cell, k), all of one size."""
-        cells, number = np.unique(self.cell[self.whole], return_inverse=True)
-        count = np.bincount(number)
-        columns = [np.bincount(number, column) / count for column in values[self.whole].T]
-        return cells, np.stack(columns, axis=1)
+        return means_by(self.cell[self.whole], values[self.whole])
 
     def centre_stress(self) -> tuple[np.ndarray, np.ndarray]:
         """Found and exact in-plane stress (3,), Pa: means over cells at the centre, in 3-D through the thickness."""
@@ -139,9 +138,7 @@ class PressedDisc:
         Means over particles at one height, across the diameter and through the thickness.
         """
         near = np.flatnonzero(np.abs(self.place[:, 0]) < 1.01 * self.cell_size)
-        height, number = np.unique(np.round(self.place[near, 1], 9), return_inverse=True)
-        count = np.bincount(number)
-        return height, np.stack([np.bincount(number, column) / count for column in self.stress[near].T], axis=1)
+        return means_by(np.round(self.place[near, 1], 9), self.stress[near])
 
     def exact_along_diameter(self, height: np.ndarray) -> np.ndarray:
         """Exact stress (k, 6) Pa in plane strain on the loaded diameter at heights (k,) m."""

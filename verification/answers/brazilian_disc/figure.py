@@ -6,7 +6,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Circle, Wedge
 
 from catalogs.figures import style
-from catalogs.figures.beachballs import first_motion
+from catalogs.figures.beachballs import draw_ball
 from verification.answers.brazilian_disc.crack import STAGE_COUNT, Crack, Moment
 from verification.answers.brazilian_disc.elastic_rock import PressedDisc
 from verification.plots import COLOURS, plot_series
@@ -128,11 +128,8 @@ def draw_stages(figure: FigureBase, crack: Crack, stages: list[Moment] | None = 
             f"generation {stage.generation + 1}, {stage.failed_cells} cells, {events.sizes['event']} more events",
             fontsize=9.0, fontweight="normal",
         )  # fmt: skip
-        axes.set_xlim(-1.15 * radius, 1.15 * radius)
-        axes.set_ylim(-1.15 * radius, 1.15 * radius)
-        axes.set_aspect("equal")
-        axes.set_xlabel("x (mm)")
-        axes.set_ylabel("y (mm)")
+        reach = -1.15 * radius, 1.15 * radius
+        axes.set(xlim=reach, ylim=reach, aspect="equal", xlabel="x (mm)", ylabel="y (mm)")
 
 
 def _pairs(stages):
@@ -140,15 +137,18 @@ def _pairs(stages):
 
 
 def draw_events(axes: Axes, crack: Crack, events, largest: float) -> None:
-    """The stage's largest events as beach balls beside the crack, joined to their places; area by potency."""
+    """The stage's largest events as beach balls beside the crack, joined to their places; area by potency.
+
+    They are seen along the disc's axis.
+    """
     order = np.argsort(-events.potency.values, kind="stable")[:MAX_BALLS_PER_STAGE]
     radius = MILLI * crack.disc.disc.radius
     place = MILLI * (events.location.values[order, :2] - crack.disc.center)
     size = np.clip(MAX_BALL_RADIUS * np.sqrt(events.potency.values[order] / largest), MIN_BALL_RADIUS, MAX_BALL_RADIUS)
     for number, (x, y) in enumerate(spread(place, size, radius)):
         axes.plot([place[number, 0], x], [place[number, 1], y], color=style.OUTLINE, linewidth=0.5, zorder=3)
-        tensor = events.potency_tensor.values[order[number]]
-        draw_ball(axes, x, y, size[number], tensor)
+        tensor, look = events.potency_tensor.values[order[number]], {"samples": BALL_SAMPLES, "linewidth": 0.6}
+        draw_ball(axes, tensor, style.RECORDED, centre=(x, y), radius=size[number], **look)
 
 
 def spread(place: np.ndarray, size: np.ndarray, radius: float) -> np.ndarray:
@@ -166,16 +166,3 @@ def spread(place: np.ndarray, size: np.ndarray, radius: float) -> np.ndarray:
         side = 1.0 if number % 2 else -1.0  # Balls on the crack go left and right in turn.
         result[number] = allowed[np.argmin(np.hypot(*(allowed - where - [0.1 * side, 0.0]).T))]
     return result
-
-
-def draw_ball(axes: Axes, x: float, y: float, radius: float, tensor: np.ndarray) -> None:
-    """A beach ball of the full tensor, lower hemisphere, seen along the disc's axis: coloured where it moves out."""
-    across, upward, motion = first_motion(tensor, BALL_SAMPLES)
-    disc = Circle((x, y), radius, facecolor="white", edgecolor="none", zorder=4)
-    axes.add_patch(disc)
-    if motion.max() > 0.0:
-        drawn = axes.contourf(
-            x + radius * across, y + radius * upward, motion, levels=[0.0, 2.0], colors=[style.RECORDED], zorder=5
-        )
-        drawn.set_clip_path(disc)
-    axes.add_patch(Circle((x, y), radius, facecolor="none", edgecolor="k", linewidth=0.6, zorder=6))
