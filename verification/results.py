@@ -41,11 +41,6 @@ class Variant:
         """Names of the listed steps, in order."""
         return self.mine.mined_steps
 
-    @property
-    def stages(self) -> list[str]:
-        """Names of the stages of grid and mechanics, in order."""
-        return ["grid", "elastic", *(f"steps/{name}" for name in self.step_names)]
-
     def scene(self, step: str | None = None) -> Scene:
         """The scene up to a step, as the stage of that step has it; up to the first step without a name."""
         return parse_scene(self.mine.step_slice(step) if step else self.mine.scene_slice(0))

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from verification.cavities.coulomb import CoulombRock
-from verification.comparisons import vanishing
+from verification.comparisons import MPA, vanishing
 from verification.plots import plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
@@ -86,9 +86,6 @@ class BrittleRow:
         return float(np.dot(self.vertical_strain(middles), [failed, length - failed]))
 
 
-MPA = 1e-6
-
-
 def exact_row(variant: Variant) -> BrittleRow:
     """The closed form of a variant."""
     values = variant.values
@@ -110,7 +107,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     figure = style.new_figure(height=4.2)
     panels = figure.subplots(1, len(results.variants), squeeze=False)[0]
     for axes, (name, variant) in zip(panels, results.variants.items(), strict=True):
-        exact, state = exact_row(variant), variant.step(variant.step_names[-1])
+        exact, state = exact_row(variant), variant.last
         rows += compare(name, variant, exact, state, results.allowed)
         draw(axes, name, variant, exact, state)
     return rows, figure

@@ -11,12 +11,11 @@ from catalogs.figures import style
 from common.voigt import tensor_from_voigt
 from verification.answers.kirsch.closed_form import InfinitePlate
 from verification.answers.sphere import exact_field
-from verification.comparisons import vanishing
+from verification.comparisons import in_uncut_cell, tensor_error, vanishing
 from verification.plots import plot_errors, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
 
-MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
 MAX_PLACE_DIFFERENCE = 1e-3  # Particles of two grids closer than so many cells are the same.
 DRAWN_BOUND = 0.5  # Of the boundary's share in wall stress, %.
 CLEAR_CELLS = 2.0  # Cells next to the wall that the comparison with theory leaves out.
@@ -33,8 +32,8 @@ class Rock:
         cells = state.cell.values[present]
         size = self.grid.cell_size.values
         whole = size**self.dimension * (self.grid.attrs["thickness"] if self.dimension == 2 else 1.0)
-        uncut = np.bincount(cells, state.volume.values[present], minlength=len(size)) > MIN_UNCUT_SHARE * whole
-        present, cells = present[uncut[cells]], cells[uncut[cells]]
+        uncut = in_uncut_cell(cells, state.volume.values[present], whole[cells])
+        present, cells = present[uncut], cells[uncut]
         self.place = state.position.values[present]
         self.stress = tensor_from_voigt(state.stress.values[present])
         self.volume, self.cells = state.volume.values[present], cells
@@ -83,7 +82,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             widths = [np.subtract(one.variant.values["domain"]["upper"], one.variant.values["domain"]["lower"])
                       for one in (rock, wide)]  # fmt: skip
             twice = float((widths[1] / widths[0]).min())
-            rows.append(Row(f"{name}: width of the wider domain over the derived one", 2.0, twice, abs(twice - 2), 0.0))
+            rows.append(Row.absolute(f"{name}: width of the wider domain over the derived one", 2.0, twice, 0.0))
             difference, count = largest_difference(rock, wide, cells)
             moved = difference / (1 - 0.5**rock.dimension)
             attributes = rock.grid.attrs
@@ -121,17 +120,17 @@ def theory_row(name: str, rock: Rock, outer_radii: float, allowed: float) -> Row
     ring = (distance > radius + CLEAR_CELLS * rock.cell) & (distance < outer_radii * radius)
     place, stress, weights = rock.place[ring], rock.stress[ring], rock.volume[ring]
     if rock.dimension == 3:
-        error = np.square(stress - exact_field(rock.variant).stress(place)).sum(axis=(1, 2)) / 6
+        error = tensor_error(stress - exact_field(rock.variant).stress(place), weights)
     else:
         constant = rock.variant.values["insitu_stress"]["constant"]
         virgin = tuple(constant.get(component, 0.0) for component in ("xx", "yy", "xy"))
         exact = InfinitePlate(radius, virgin, 1.0, 0.25).at(place[:, 0] + 1j * place[:, 1])
         found = stress[:, [0, 1, 0], [0, 1, 1]].T
-        error = np.square(found - np.array([exact.xx, exact.yy, exact.xy])).sum(axis=0) / 3
-    share = float(np.sqrt(np.average(error, weights=weights)) / rock.far_stress)
+        square = np.square(found - np.array([exact.xx, exact.yy, exact.xy])).sum(axis=0) / 3
+        error = float(np.sqrt(np.average(square, weights=weights)))
     span = f"a + 2 h to {outer_radii:g} a"
     quantity = f"{name}: stress beside that of infinite rock, {span}, r.m.s. share of the far stress"
-    return vanishing(quantity, share, allowed)
+    return vanishing(quantity, error / rock.far_stress, allowed)
 
 
 def draw(rocks: dict[str, Rock], shares: dict[str, tuple[float, float]]) -> Figure:

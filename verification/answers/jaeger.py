@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from catalogs.figures import style
 from common.voigt import tensor_from_voigt
 from verification.answers.fault import normal_of, share_within
-from verification.comparisons import vanishing
+from verification.comparisons import MPA, vanishing
 from verification.plots import plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
@@ -35,9 +35,6 @@ def jaeger_strength(
         return of_rock, False
     of_plane = 2 * (plane[0] + confinement * slope) / ((1 - slope / math.tan(b)) * math.sin(2 * b))
     return min(of_rock, of_plane), of_plane < of_rock
-
-
-MPA = 1e-6
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ def strengths(material: dict, state: str) -> tuple[tuple[float, float], tuple[fl
 def read_specimen(variant: Variant) -> Specimen:
     """The only particle after the last step."""
     material = variant.values["materials"]["host"]
-    state = variant.step(variant.step_names[-1])
+    state = variant.last
     confinement = -variant.values["insitu_stress"]["constant"]["xx"]
     expected, slips = jaeger_strength(material["planes"]["dip"], confinement, *strengths(material, "residual"))
     lateral, _, axial, *_ = state["stress"].values[0]
@@ -104,7 +101,7 @@ def draw(results: Results, specimens: dict[str, Specimen]) -> Figure:
     labels: dict = {
         "xlabel": "angle from the axis to the planes' normal (degrees)",
         "ylabel": "axial less lateral (MPa)",
+        "ylim": (0.0, None),
     }
     plot_series(axes, found, {"Jaeger (1960)": (angles, curve)}, **labels)
-    axes.set_ylim(bottom=0.0)
     return figure

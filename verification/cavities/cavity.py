@@ -70,10 +70,6 @@ class Cavity:
         inner, outer = self.radius + 2 * self.cell, outer_radii * self.radius
         return np.flatnonzero(~self.fill & (self.distance >= inner) & (self.distance <= outer))
 
-    def mean_square_root(self, error: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        """Root mean square over chosen particles (last axis), weighted by volume."""
-        return np.sqrt(np.average(np.square(error), axis=-1, weights=self.volume[chosen]))
-
     def wall_directions(self) -> np.ndarray:
         """Unit vectors (point, 3) evenly over the wall of the quarter or eighth, none on its edges."""
         middle = (np.arange(WALL_ANGLES) + 0.5) / WALL_ANGLES
@@ -104,6 +100,11 @@ class Cavity:
     def wall_displacement(self, directions: np.ndarray) -> np.ndarray:
         """Outward displacement (point,) m of the wall in these directions (point, 3)."""
         return (self.displacement(self.radius * directions) * directions).sum(axis=1)
+
+    @property
+    def closure(self) -> float:
+        """Mean inward displacement of the wall, m."""
+        return -float(self.wall_displacement(self.wall_directions()).mean())
 
     @property
     def failed_radius(self) -> float:

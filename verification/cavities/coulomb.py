@@ -41,14 +41,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
+from verification.cavities.inclusion import Elastic
 
 
 @dataclass(frozen=True)
-class CoulombRock:
-    """Elastic moduli (Pa), N and sigma_c (Pa) of intact and failed rock, and N_psi of failed rock (`dilation`)."""
+class CoulombRock(Elastic):
+    """Elastic constants, N and sigma_c (Pa) of intact and failed rock, and N_psi of failed rock (`dilation`)."""
 
-    youngs_modulus: float
-    poisson_ratio: float
     intact_friction: float
     intact_strength: float
     residual_friction: float
@@ -71,11 +70,6 @@ class CoulombRock:
             residual[UNCONFINED_STRENGTH],
             residual[DILATION_FACTOR],
         )
-
-    @property
-    def shear_modulus(self) -> float:
-        """Pa."""
-        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
 
     @property
     def brittle(self) -> bool:

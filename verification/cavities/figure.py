@@ -1,16 +1,17 @@
 """Figure of the plastic rings: stress against distance with theory, maps of failed rock, spread of the members."""
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 
 from catalogs.figures import style
 from verification.cavities.runs import STRESSES, Run
+from verification.comparisons import MPA
 from verification.plots import add_circle, plot_cells, plot_errors, plot_series
 
-MPA = 1e-6
 DRAWN_RADII = 1.7  # Extent of profiles and maps in plastic radii.
 MAX_PER_ROW = 4  # Columns of profile and map in a block.
 BLOCK_HEIGHT = 5.4  # Height of a profile and its map, inches.
+SPREAD_HEIGHT = 2.2  # Height of the row of spreads, inches.
 MAX_PROFILE_PARTICLES = 1500  # Keeps the file small.
 
 
@@ -18,15 +19,24 @@ def draw(perfect: list[Run], groups: dict[str, list[Run]]) -> Figure:
     """Profiles above, maps of the same runs below, spread of the members last."""
     columns = [(run.name, [run]) for run in perfect]
     columns += [(f"{name}, first of {len(runs)}", runs) for name, runs in groups.items()]
+    figure, rest = draw_blocks(columns, SPREAD_HEIGHT if groups else 0.0)
+    if groups:
+        spread(rest.subplots(1, 3, sharey=True), groups)
+    return figure
+
+
+def draw_blocks(columns: list[tuple[str, list[Run]]], height: float) -> tuple[Figure, SubFigure]:
+    """A figure with columns (title, runs) in blocks, and its last part of this height, inches, for the caller.
+
+    Without a height there is no such part: the last block is returned.
+    """
     blocks = blocks_of(columns)
-    heights = [BLOCK_HEIGHT] * len(blocks) + [2.2] * bool(groups)
+    heights = [BLOCK_HEIGHT] * len(blocks) + [height] * bool(height)
     figure = style.new_figure(height=sum(heights))
     parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     for part, block in zip(parts, blocks, strict=False):
         draw_block(part, block)
-    if groups:
-        spread(parts[-1].subplots(1, 3, sharey=True), groups)
-    return figure
+    return figure, parts[-1]
 
 
 def blocks_of(columns: list) -> list[list]:
@@ -90,7 +100,7 @@ def spread(panels, groups: dict[str, list[Run]]) -> None:
     measures = {
         "95 % radius minus theory (cells)": (lambda run: run.percentile / run.cavity.cell - front(run), 0.0),
         "share of theory's ring that failed": (lambda run: run.share, 1.0),
-        "closure over theory": (lambda run: run.closure / run.expected_closure, 1.0),
+        "closure over theory": (lambda run: run.closure_share, 1.0),
     }
     names = [name.removeprefix("brittle, ") for name in groups]
     for axes, (label, (measure, truth)) in zip(panels, measures.items(), strict=True):

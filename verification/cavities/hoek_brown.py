@@ -26,6 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from verification.cavities.inclusion import Elastic
+
 QUADRATURE_POINTS = 60  # Points of Gauss's rule on the edge, and as many on the face.
 
 
@@ -44,11 +46,9 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class HoekBrownRock:
-    """Elastic moduli (Pa), strength curves of intact and failed rock, and N_psi of failed rock (`dilation`)."""
+class HoekBrownRock(Elastic):
+    """Elastic constants, strength curves of intact and failed rock, and N_psi of failed rock (`dilation`)."""
 
-    youngs_modulus: float
-    poisson_ratio: float
     intact: Curve
     residual: Curve
     dilation: float
@@ -61,11 +61,6 @@ class HoekBrownRock:
         )
         sine = math.sin(math.radians(material["dilation_angle"]["residual"]))
         return cls(material["youngs_modulus"], material["poisson_ratio"], intact, residual, (1 + sine) / (1 - sine))
-
-    @property
-    def shear_modulus(self) -> float:
-        """Pa."""
-        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
 
     @property
     def brittle(self) -> bool:

@@ -32,6 +32,12 @@ class Elastic:
     poisson_ratio: float
 
     @property
+    def lame(self) -> tuple[float, float]:
+        """lambda and shear modulus, Pa."""
+        shear = self.shear_modulus
+        return 2 * shear * self.poisson_ratio / (1 - 2 * self.poisson_ratio), shear
+
+    @property
     def bulk_modulus(self) -> float:
         """Pa."""
         return self.youngs_modulus / (3 * (1 - 2 * self.poisson_ratio))
@@ -114,6 +120,10 @@ class SphericalInclusion:
         r, n, w, q, along_d, along_x, _, _, shrink = self._outside(points[~inside])
         result[~inside] = r[:, None] * (along_d[:, None] * w + (along_x * q + shrink)[:, None] * n)
         return result
+
+    def wall_displacement(self, directions: np.ndarray) -> np.ndarray:
+        """Outward displacement (point,) m of the wall in these directions (point, 3)."""
+        return (self.displacement(self.radius * directions) * directions).sum(axis=1)
 
     def stress(self, points: np.ndarray) -> np.ndarray:
         """Whole stress (point, 3, 3) Pa; zero inside a cavity."""

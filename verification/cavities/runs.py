@@ -11,11 +11,10 @@ import numpy as np
 from verification.cavities.cavity import Cavity, plastic_ring, read_pressure
 from verification.cavities.coulomb import PlasticRing, PlasticTunnel
 from verification.cavities.hoek_brown import HoekBrownTunnel
-from verification.comparisons import vanishing
+from verification.comparisons import MPA, VOIGT_MULTIPLICITY, mean_square_root, vanishing
 from verification.results import Variant
 from verification.rows import Row
 
-MPA = 1e-6
 RADIUS_PERCENTILE = 95  # The radius within which so many percent of the failed volume lie is compared.
 STRESSES = {2: ("radial", "hoop", "axial"), 3: ("radial", "hoop")}
 
@@ -30,14 +29,14 @@ class Run:
     theory: PlasticRing | HoekBrownTunnel
 
     @property
-    def closure(self) -> float:
-        """Mean inward displacement of the wall, m."""
-        return -float(self.cavity.wall_displacement(self.cavity.wall_directions()).mean())
-
-    @property
     def expected_closure(self) -> float:
         """Mean inward displacement of the wall in theory, m."""
         return -float(self.theory.displacement(self.theory.radius))
+
+    @property
+    def closure_share(self) -> float:
+        """Mean inward displacement of the wall over that of theory."""
+        return self.cavity.closure / self.expected_closure
 
     @property
     def percentile(self) -> float:
@@ -60,24 +59,19 @@ class Run:
     def seismic_potency(self) -> float:
         """Sum of the scalar potencies sqrt(2 P:P) of all particles, m3."""
         strain = self.cavity.state.seismic_strain.values
-        norm = np.sqrt(2 * (strain**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
+        norm = np.sqrt(2 * (strain**2 * VOIGT_MULTIPLICITY).sum(axis=1))
         return float((norm * self.cavity.state.volume.values).sum())
 
     def stress_error(self, outer_radii: float) -> np.ndarray:
         """R.m.s. error of radial, hoop and third stress (3,) from a + 2 h to so many radii, over the far stress."""
         ring = self.cavity.ring(outer_radii)
         error = self.cavity.radial_hoop_third[:, ring] - self.theory.stress(self.cavity.distance[ring])
-        return self.cavity.mean_square_root(error, ring) / self.pressure
+        return mean_square_root(error, self.cavity.volume[ring]) / self.pressure
 
 
 def read_run(name: str, variant: Variant) -> Run:
     """The last step of a variant."""
-    return Run(
-        name,
-        read_pressure(variant),
-        Cavity(variant, variant.step(variant.step_names[-1])),
-        plastic_ring(variant),
-    )
+    return Run(name, read_pressure(variant), Cavity(variant, variant.last), plastic_ring(variant))
 
 
 def brittle_groups(runs: list[Run]) -> dict[str, list[Run]]:
@@ -113,7 +107,7 @@ def perfect_rows(run: Run, outer: float, allowed: dict[str, float]) -> list[Row]
 
 def closure_row(quantity: str, run: Run, allowed: float | None, remark: str = "") -> Row:
     """Closure of one run."""
-    return Row.relative(quantity, 1e3 * run.expected_closure, 1e3 * run.closure, allowed, remark)
+    return Row.relative(quantity, 1e3 * run.expected_closure, 1e3 * run.cavity.closure, allowed, remark)
 
 
 def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str, float]) -> list[Row]:
@@ -123,22 +117,22 @@ def brittle_rows(name: str, members: list[Run], outer: float, allowed: dict[str,
     percentiles = np.array([run.percentile / cell for run in members])
     mean, farthest = float(percentiles.mean()), float(percentiles[np.abs(percentiles - front).argmax()])
     what = f"{name}: {RADIUS_PERCENTILE} % of the failed volume lie within, cells"
-    off, bound = abs(mean - front), allowed["brittle_radius_cells"]
+    bound = allowed["brittle_radius_cells"]
+    reason = "" if abs(mean - front) <= bound else BANDS
     rows = [
-        Row(f"{what}, mean of {len(members)} runs", front, mean, off, bound, "" if off <= bound else BANDS),
-        Row(f"{what}, farthest from theory", front, farthest, abs(farthest - front)),
+        Row.absolute(f"{what}, mean of {len(members)} runs", front, mean, bound, reason),
+        Row.absolute(f"{what}, farthest from theory", front, farthest),
     ]
     radial = f"radial stress, a + 2 h to {outer:g} a, r.m.s. share of the far stress"
     measures = {
         "share of theory's ring that failed": (1.0, [run.share for run in members]),
         "failed volume over that of theory's ring": (1.0, [run.failed_over_ring for run in members]),
-        "inward displacement of the wall over theory": (1.0, [run.closure / run.expected_closure for run in members]),
+        "inward displacement of the wall over theory": (1.0, [run.closure_share for run in members]),
         radial: (0.0, [run.stress_error(outer)[0] for run in members]),
     }
     for quantity, (expected, values) in measures.items():
-        obtained = float(np.mean(values))
         remark = f"from {min(values):.3g} to {max(values):.3g} over the runs"
-        rows.append(Row(f"{name}: {quantity}, mean", expected, obtained, abs(obtained - expected), None, remark))
+        rows.append(Row.absolute(f"{name}: {quantity}, mean", expected, float(np.mean(values)), None, remark))
     potency = np.array([run.seismic_potency for run in members])
     spreads = {
         f"{RADIUS_PERCENTILE} % radius, cells": percentiles,

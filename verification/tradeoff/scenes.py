@@ -13,7 +13,7 @@ from verification.answers.kirsch.closed_form import InfinitePlate
 from verification.answers.kirsch.fields import ANGLES, Rock, measure
 from verification.answers.sphere import exact_field
 from verification.cavities.cavity import Cavity, plastic_ring, read_pressure
-from verification.comparisons import failed_in_step, seismic_potency
+from verification.comparisons import mean_square_root, released_potency, tensor_error
 from verification.results import Results, Variant
 
 Measures = dict[str, float]
@@ -39,15 +39,13 @@ def cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
     rock, exact = Cavity(variant, variant.elastic), exact_field(variant)
     pressure = read_pressure(variant)
     ring = rock.ring(results.settings["outer_radii"])
-    square = np.square(rock.stress[ring] - exact.stress(rock.place[ring])).sum(axis=(1, 2)) / 6
+    error = tensor_error(rock.stress[ring] - exact.stress(rock.place[ring]), rock.volume[ring])
     found = {
         "wall_stress": abs(wall_hoop(rock) / (-1.5 * pressure) - 1.0),  # Goodier's, all round
-        "stress": float(np.sqrt(np.average(square, weights=rock.volume[ring])) / pressure),
-        "closure": closure_of(rock),
+        "stress": error / pressure,
+        "closure": 1e3 * rock.closure,
     }
-    directions = rock.wall_directions()
-    moved = (exact.displacement(rock.radius * directions) * directions).sum(axis=1)
-    return found, {"closure": -1e3 * float(moved.mean())}
+    return found, {"closure": -1e3 * float(exact.wall_displacement(rock.wall_directions()).mean())}
 
 
 def wall_hoop(rock: Cavity) -> float:
@@ -58,22 +56,17 @@ def wall_hoop(rock: Cavity) -> float:
     return float(np.polynomial.Polynomial.fit(off[near], hoop, 2, w=np.sqrt(rock.volume[near]))(0.0))
 
 
-def closure_of(rock: Cavity) -> float:
-    """Mean inward displacement of the wall, mm."""
-    return -1e3 * float(rock.wall_displacement(rock.wall_directions()).mean())
-
-
 def brittle_cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
     """Sphere in brittle rock against its smooth ring: failed volume, closure, stress. Potency has no closed form."""
-    state, theory = variant.step(variant.step_names[-1]), plastic_ring(variant)
+    state, theory = variant.last, plastic_ring(variant)
     rock = Cavity(variant, state)
     ring = rock.ring(3.0)
     error = rock.radial_hoop_third[0, ring] - theory.stress(rock.distance[ring])[0]
     found = {
         "potency": float(potency(state.seismic_strain.values, state.volume.values).sum()),
         "failed_volume": float(rock.volume[rock.failed].sum()),
-        "closure": closure_of(rock),
-        "stress": float(rock.mean_square_root(error, ring) / theory.pressure),
+        "closure": 1e3 * rock.closure,
+        "stress": float(mean_square_root(error, rock.volume[ring]) / theory.pressure),
     }
     exact = {
         "failed_volume": np.pi / 6 * (theory.plastic_radius**3 - theory.radius**3),
@@ -87,7 +80,7 @@ def mine(results: Results, variant: Variant) -> tuple[Measures, Measures]:
     step = variant.step_names[-1]
     state, events = variant.step(step), variant.events(step)
     found = {
-        "potency": float(seismic_potency(state, failed_in_step(state)).sum()),
+        "potency": released_potency(state),
         "failed_volume": float(state.attrs["failed_volume"]),
     }
     sizes = log_potency(resolved(events).potency.values)

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from verification.answers.kirsch.fields import ANGLES, Rock, order_rows, read_series, wall_rows
 from verification.answers.kirsch.figure import draw
-from verification.comparisons import mean_square_root, vanishing
+from verification.comparisons import bounded, mean_square_root, vanishing
 from verification.page_tables import Pivot
 from verification.results import Results
 from verification.rows import Row
@@ -31,7 +31,7 @@ CLEAR_CELLS, OUTER_RADII = 2.0, 4.0  # Stresses are compared from so many cells 
 def answer(results: Results) -> tuple[list[Row], Figure]:
     """Rows and figure of the study."""
     allowed, settings = results.allowed, results.settings
-    rocks = {name: Rock(results[name]) for name in settings["compared"] if name in results.variants}
+    rocks = {name: Rock(results[name]) for name in results.present(settings["compared"])}
     series = read_series(results)
     rows = []
     for name, rock in rocks.items():
@@ -86,8 +86,7 @@ def price_rows(results: Results, rocks: dict[str, Rock]) -> list[Row]:
     names = ("multilevel", "regular")
 
     def ratio(what: str, bound: str, both: list[float], remark: str) -> Row:
-        share, most = both[0] / both[1], results.allowed[bound]
-        return Row(f"multilevel over regular: {what}", np.nan, share, share, most, remark)
+        return bounded(f"multilevel over regular: {what}", both[0] / both[1], results.allowed[bound], remark)
 
     errors = [float(mean_square_root(rocks[name].stress_error(*ring(rocks[name]))[:2])) for name in names]
     remark = f"{100 * errors[0]:.3f} and {100 * errors[1]:.3f} %"

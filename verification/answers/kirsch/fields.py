@@ -6,17 +6,15 @@ as cells are halved.
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from verification.answers.kirsch.closed_form import BoxedPlate, Field, InfinitePlate, PressedPlate, polar_stress
-from verification.comparisons import mean_square_root, vanishing
+from verification.comparisons import bounded, convergence_orders, in_uncut_cell, mean_square_root, vanishing
 from verification.results import Results, Variant
 from verification.rows import Row
 
-MIN_UNCUT_SHARE = 0.999  # Share of rock from which a cell counts as uncut.
 ANGLES = 2 * np.pi * (np.arange(360) + 0.5) / 360
 CLEAR_CELLS = 1.0  # Cells next to the wall that the extrapolation leaves out.
 
@@ -78,7 +76,7 @@ class Rock:
         self.cell_nodes = state.cell_nodes.values  # They include the phantom nodes of walls.
         self.node_moved = state.node_displacement.values[:, :2] @ np.array([1.0, 1.0j])
         size = self.grid.cell_size.values[self.cell] ** 2 * self.grid.attrs["thickness"]
-        self.whole = np.bincount(self.cell, self.volume)[self.cell] > MIN_UNCUT_SHARE * size
+        self.whole = in_uncut_cell(self.cell, self.volume, size)
         self.distance, self.angle = np.abs(self.place), np.angle(self.place)
 
     @cached_property
@@ -195,7 +193,7 @@ def read_series(results: Results) -> dict[str, list[Point]]:
     """Points by treatment of cut cells, from coarse to fine."""
     distance = results.settings["stress_distance"]
     series = {
-        method: [measure(Rock(results[name]), distance) for name in names if name in results.variants]
+        method: [measure(Rock(results[name]), distance) for name in results.present(names)]
         for method, names in results.settings["series"].items()
     }
     return {method: sorted(points, key=lambda point: -point.cell) for method, points in series.items() if points}
@@ -214,7 +212,8 @@ def order_rows(series: dict[str, list[Point]], least: float, distance: float) ->
         for name, what in (("closure", "closure of the wall"), ("stress", f"stress at r = {distance:g} a")):
             found = order(points, name)
             errors = [getattr(point, name) for point in points]
-            halvings = ", ".join(f"{np.log2(a / b):.2f}" for a, b in pairwise(errors))
+            orders = convergence_orders([point.cell for point in points], errors)
+            halvings = ", ".join(f"{order:.2f}" for order in orders)
             remark = (
                 f"r.m.s. errors {', '.join(f'{100 * error:.2f}' for error in errors)} %; halving by halving {halvings}"
             )
@@ -245,5 +244,5 @@ def wall_rows(series: dict[str, list[Point]], cell: float, method: str, allowed:
         quantity = f"{method}, extrapolated: hoop stress of the wall, h = {cell:g} m, r.m.s. share"
         rows.append(vanishing(quantity, error, remark=f"by cell: {coarser}"))
         quantity = f"{method}: extrapolated over the best error within a cell of the wall, h = {cell:g} m"
-        rows.append(Row(quantity, np.nan, error / best, error / best, allowed))
+        rows.append(bounded(quantity, error / best, allowed))
     return rows

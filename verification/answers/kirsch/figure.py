@@ -5,9 +5,9 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from verification.answers.kirsch.fields import Point, Rock, extrapolated, order
+from verification.comparisons import MPA
 from verification.plots import add_circle, plot_cells, plot_convergence, plot_section, plot_series
 
-MPA = 1e-6
 TREATMENT_COLOURS = {"mean": style.MODELLED, "subdivide": style.BOTH, "whole": "#cc79a7"}
 RAY_COLOURS = ("#9ecae1", "#fdae6b", style.MODELLED, style.RECORDED)  # Radial and hoop, the regular grid in light ones.
 MAP_RADII = 2.5  # Half the width of the maps in radii.
@@ -74,8 +74,8 @@ def draw_cells(axes, rock: Rock) -> None:
     colours = {"cmap": style.level_colours(int(grid.attrs["levels"])), "edgecolors": "0.35", "linewidths": 0.25}
     plot_cells(axes, corner[shown], size[shown], grid.cell_level.values[shown], **colours)
     add_circle(axes, hole.radius, facecolor="white")
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x (m)", ylabel="y (m)")
-    axes.set_title(f"{len(size):,} cells, {size.max():g} to {size.min():g} m")
+    labels = {"title": f"{len(size):,} cells, {size.max():g} to {size.min():g} m", "xlabel": "x (m)", "ylabel": "y (m)"}
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", **labels)
 
 
 def draw_maps(panel, grids: dict[str, Rock]) -> None:

@@ -3,14 +3,15 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.answers.hoek_brown import tunnel_of
 from verification.answers.kirsch.fields import Rock
 from verification.answers.peers.figure import draw
 from verification.answers.peers.kratos import AS_STATED, CASES, Return, cutoff_multipliers, ours
 from verification.answers.peers.printed import particle_rows, roof_rows
 from verification.answers.peers.slope import slope_rows
+from verification.answers.plastic import tunnel_of
 from verification.cavities.hoek_brown import HoekBrownTunnel
 from verification.cavities.runs import Run, perfect_rows, read_run
+from verification.comparisons import MPA
 from verification.page_tables import Pivot
 from verification.results import Results
 from verification.rows import Row
@@ -24,7 +25,6 @@ TABLES = (
     Pivot("Slope: iterations of a step", r"(?P<row>slope_\d+): (?P<column>iterations of the step), .+", "measured"),
 )
 
-MPA = 1e-6
 KRATOS = "Kratos, test_mohr_coulomb_with_tension_cutoff.cpp"
 GEOS = "GEOS, KirschProblem_base.xml"
 ITASCA = "FLAC3D, VerificationProblems"
@@ -35,11 +35,11 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     """Rows of all cases; figure of holes, roof and slope."""
     settings, allowed = results.settings, results.allowed
     rows = return_rows(allowed["returned"])
-    for name, printed in present(settings["pressed"], results).items():
-        rows += wall_rows(name, Rock(results[name]), printed, allowed["wall"])
-    for name, printed in present(settings["roof"], results).items():
-        rows += roof_rows(name, results[name], printed, allowed["digits"])
-    if present(settings["slope"]["factors"], results):
+    for name in results.present(settings["pressed"]):
+        rows += wall_rows(name, Rock(results[name]), settings["pressed"][name], allowed["wall"])
+    for name in results.present(settings["roof"]):
+        rows += roof_rows(name, results[name], settings["roof"][name], allowed["digits"])
+    if results.present(settings["slope"]["factors"]):
         rows += slope_rows(results)
     apart = {*settings["pressed"], *settings["roof"], *settings["slope"]["factors"]}
     runs = [read_run(name, variant) for name, variant in results.variants.items() if name not in apart]
@@ -51,11 +51,6 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         else:
             rows += coulomb_rows(run, settings["printed"], results)
     return rows, draw(results, runs)
-
-
-def present(named: dict, results: Results) -> dict:
-    """Entries of a mapping by variant whose variant was run. A reduced study leaves some out."""
-    return {name: value for name, value in named.items() if name in results.variants}
 
 
 def return_rows(allowed: float) -> list[Row]:

@@ -5,9 +5,11 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
 from verification.answers.peers.printed import lowering
 from verification.answers.peers.slope import Slope, limits, rests
-from verification.cavities.figure import BLOCK_HEIGHT, blocks_of, draw_block
+from verification.cavities.figure import draw_blocks
 from verification.cavities.runs import Run
 from verification.plots import plot_cells, plot_series
 from verification.results import Results, Variant
@@ -22,22 +24,15 @@ AXIS_TOP = 1e7  # End of the axis of iterations: the legend covers no point.
 def draw(results: Results, runs: list[Run]) -> Figure:
     """Blocks of holes, and a row of roof and slope."""
     settings = results.settings
-    columns = [(run.name, [run]) for run in runs]
-    blocks = blocks_of(columns)
-    roofs = {name: printed for name, printed in settings["roof"].items() if name in results.variants}
-    slopes = [name for name in settings["slope"]["factors"] if name in results.variants]
+    roofs, slopes = results.present(settings["roof"]), results.present(settings["slope"]["factors"])
     panels = len(roofs) + 2 * bool(slopes)
-    heights = [BLOCK_HEIGHT] * len(blocks) + [LAST_ROW_HEIGHT] * bool(panels)
-    figure = style.new_figure(height=sum(heights))
-    parts = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
-    for part, block in zip(parts, blocks, strict=False):
-        draw_block(part, block)
+    figure, last = draw_blocks([(run.name, [run]) for run in runs], LAST_ROW_HEIGHT if panels else 0.0)
     if panels:
-        axes = list(parts[-1].subplots(1, panels, squeeze=False)[0])
-        for name, printed in roofs.items():
-            roof(axes.pop(0), results[name], printed)
+        axes = list(last.subplots(1, panels, squeeze=False)[0])
+        for name in roofs:
+            roof(axes.pop(0), results[name], settings["roof"][name])
         if slopes:
-            band(parts[-1], axes.pop(0), results, slopes)
+            band(last, axes.pop(0), results, slopes)
             work(axes.pop(0), results, slopes)
     return figure
 
@@ -47,11 +42,10 @@ def band(part, axes, results: Results, names: list[str]) -> None:
     settings, (stands, _) = results.settings["slope"], limits(results)
     name = next((one for one in names if settings["factors"][one] == stands), names[0])
     variant = results[name]
-    state, grid = variant.step(variant.step_names[-1]), variant.grid
+    state, grid = variant.last, variant.grid
     there = state.volume.values > 0.0
     cell = state.cell.values[there]
-    strain = state.plastic_strain.values[there]
-    shear = np.sqrt(2.0 * (strain**2 * [1, 1, 1, 2, 2, 2]).sum(axis=1))
+    shear = scalar_potency(tensor_from_voigt(state.plastic_strain.values[there]))
     drawn = plot_cells(
         axes,
         grid.cell_origin.values[cell][:, [0, 2]],
@@ -88,7 +82,7 @@ def work(axes, results: Results, names: list[str]) -> None:
     settings, series = results.settings["slope"], {}
     for at_rest, label in ((True, "ours, comes to rest"), (False, "ours, finds no rest")):
         some = [name for name in names if rests(results[name]) == at_rest]
-        iterations = [results[name].step(results[name].step_names[-1]).attrs["iterations"] for name in some]
+        iterations = [results[name].last.attrs["iterations"] for name in some]
         series[label] = [settings["factors"][name] for name in some], iterations
     series["their Newton steps"] = [*settings["newton"]], [*settings["newton"].values()]
     axes.axvline(settings["limit"], color=style.RECORDED, linewidth=0.8, label="their limit")

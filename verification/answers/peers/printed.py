@@ -20,10 +20,10 @@ from scipy.spatial import cKDTree
 
 from verification.cavities.cavity import Cavity
 from verification.cavities.runs import Run
+from verification.comparisons import MPA
 from verification.results import Variant
 from verification.rows import Row
 
-MPA = 1e-6
 MOOSE = "MOOSE, coal_mining.tex"
 CBGEO = "CB-Geo, 2d/plate_with_hole/isoparametric"
 PLANE_PARTICLES = 4  # Nearest particles that a plane is fitted to.

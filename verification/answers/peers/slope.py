@@ -132,16 +132,15 @@ def height_of(spiral: Spiral, slope: float) -> float:
 
 def rests(variant: Variant) -> bool:
     """Whether the slope has reached equilibrium under its whole weight."""
-    return not variant.step(variant.step_names[-1]).attrs["collapsed"]
+    return not variant.last.attrs["collapsed"]
 
 
 def limits(results: Results) -> tuple[float, float]:
     """Largest factor with an equilibrium below the smallest without one, and that smallest factor (inf if none)."""
     factors = results.settings["slope"]["factors"]
     by_rest = {True: [], False: [float("inf")]}
-    for name, factor in factors.items():
-        if name in results.variants:
-            by_rest[rests(results[name])].append(factor)
+    for name in results.present(factors):
+        by_rest[rests(results[name])].append(factors[name])
     falls = min(by_rest[False])
     return max((factor for factor in by_rest[True] if factor < falls), default=0.0), falls
 
@@ -161,7 +160,7 @@ def slope_rows(results: Results) -> list[Row]:
         Row.relative(f"slope: the same beside theirs, {SOURCE}", theirs, stands, None,
                      f"not compared: theirs is {above} above the log spiral's"),
     ]  # fmt: skip
-    rows += [work_row(name, results) for name in settings["factors"] if name in results.variants]
+    rows += [work_row(name, results) for name in results.present(settings["factors"])]
     return rows
 
 
@@ -170,8 +169,7 @@ def work_row(name: str, results: Results) -> Row:
     settings, variant = results.settings["slope"], results[name]
     factor, newton = settings["factors"][name], settings["newton"]
     nearest = min(newton, key=lambda one: abs(one - factor))
-    step = variant.step_names[-1]
-    iterations, seconds = variant.step(step).attrs["iterations"], variant.seconds(f"steps/{step}")
+    iterations, seconds = variant.last.attrs["iterations"], variant.seconds(variant.stages[-1])
     took = "" if seconds is None else f" in {seconds:.0f} s"
     remark = f"{'comes to rest' if rests(variant) else 'finds no rest'}{took}; theirs at a factor of {nearest:g}"
     quantity = f"{name}: iterations of the step, and their Newton steps"
