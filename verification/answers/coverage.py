@@ -2,10 +2,10 @@
 
 Each case draws many catalogues of known truth. Its rows are the share of catalogues with an interval, and the share of
 intervals that hold the truth. For a record and a model of one process they are also the share of false alarms. The
-functions that draw a case return by quantity ("" where there is only one) the share of catalogues with an interval, and
-the share of these whose interval holds the truth.
+functions that draw a catalogue of a case return by quantity ("" where there is only one) its interval and the truth.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,7 @@ from catalogs.settings import ComparisonSettings
 from catalogs.sources import completeness
 from catalogs.sources.mechanisms import AxesSample, compare_axes
 from verification.answers.statistics.samples import LN10, branching_events, burst_events, dated, simulated_sizes
+from verification.comparisons import monte_carlo_error, reaching
 from verification.page_tables import Pivot
 from verification.plots import plot_errors
 from verification.results import Results
@@ -44,6 +45,8 @@ TABLES = (
         "measured",
     ),
 )
+# Lower and upper end of an interval (None where there is none), and the truth, by quantity.
+Intervals = dict[str, tuple[tuple[float, float] | None, float]]
 
 
 @dataclass(frozen=True)
@@ -55,17 +58,21 @@ class Found:
     given: float
     held: float
 
+    @property
+    def error(self) -> float:
+        """Monte Carlo standard error of the coverage, were it as large as it should be."""
+        return monte_carlo_error(0.95, max(self.given * self.drawn, 1))
+
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
     """Two rows for each interval of a case, false alarms in cases of one process, and a figure of all intervals."""
     settings, allowed = results.settings, results.allowed
     found, alarms = [], []
-    for group, (part, cover) in enumerate((("sizes", size_coverage), ("axes", axes_coverage), ("sums", sum_coverage))):
+    kinds = {"sizes": size_interval, "axes": axes_interval, "sums": sum_intervals}
+    for group, (part, draw_intervals) in enumerate(kinds.items()):
         chosen = settings[part]
         for number, case in enumerate(chosen["cases"]):
-            for of, (given, held) in cover(case, chosen, [settings["seed"], group, number]).items():
-                name = f"{of}, {case['name']}" if of else case["name"]
-                found.append(Found(name, chosen["catalogues"], given, held))
+            found += cover(draw_intervals, case, chosen, [settings["seed"], group, number])
     chosen = settings["one_process"]
     for number, case in enumerate(chosen["cases"]):
         pairs = one_process(case, chosen, [settings["seed"], 3, number])
@@ -80,11 +87,30 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     return [row for one in found for row in _rows(one, allowed)] + alarms, _draw(found, allowed["coverage"])
 
 
+def cover(
+    draw_intervals: Callable[[dict, dict, np.random.Generator, int], Intervals],
+    case: dict,
+    chosen: dict,
+    seed: list[int],
+) -> list[Found]:
+    """Coverage of each quantity of a case over all its catalogues, which are drawn one by one."""
+    generator, drawn = np.random.default_rng(seed), chosen["catalogues"]
+    counts: dict[str, NDArray] = {}
+    for index in range(drawn):
+        for of, (interval, truth) in draw_intervals(case, chosen, generator, index).items():
+            held = interval is not None and interval[0] <= truth <= interval[1]
+            counts.setdefault(of, np.zeros(2, int))[:] += interval is not None, held
+    return [
+        Found(f"{of}, {case['name']}" if of else case["name"], drawn, float(given / drawn), float(held / max(given, 1)))
+        for of, (given, held) in counts.items()
+    ]
+
+
 def _draw(found: list[Found], least: float) -> Figure:
     """Coverage case by case, with two Monte Carlo standard errors."""
     figure = style.new_figure(width=style.PAGE_WIDTH, height=0.22 * len(found) + 1.2)
     axes = figure.subplots()
-    error = [200 * (0.95 * 0.05 / max(one.given * one.drawn, 1)) ** 0.5 for one in found]
+    error = [200 * one.error for one in found]
     what = "truth inside the 95 % interval (%; bars: 2 Monte Carlo errors; dotted: asked for)"
     held = {"": [100 * one.held for one in found]}
     plot_errors(axes, [one.name for one in found], held, error, truth=95, xlabel=what)
@@ -95,7 +121,7 @@ def _draw(found: list[Found], least: float) -> Figure:
 
 def _alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
     level = chosen["level"]
-    error = (level * (1.0 - level) / chosen["catalogues"]) ** 0.5
+    error = monte_carlo_error(level, chosen["catalogues"])
     return Row(
         f"{name} of one process said to differ (p <= {level:g}; error: above {most:g})",
         level, share, float(np.maximum(0.0, share - most)), 2.0 * error,
@@ -105,19 +131,14 @@ def _alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
 
 def _rows(one: Found, allowed: dict) -> list[Row]:
     least, often = allowed["coverage"], allowed["given"]
-    error = (0.95 * 0.05 / max(one.given * one.drawn, 1)) ** 0.5
+    coverage = f"{one.name}: coverage of the 95 % interval (error: short of {least:g})"
+    given = f"{one.name}: share of catalogues with an interval (error: short of {often:g})"
+    remark = f"{one.drawn} catalogues, Monte Carlo standard error {one.error:.4f}"
+    others = "the others: no law, no completeness or no event, in words"
     return [
-        Row(
-            f"{one.name}: coverage of the 95 % interval (error: short of {least:g})",
-            0.95, one.held, float(np.maximum(0.0, least - one.held)), 0.0,
-            f"{one.drawn} catalogues, Monte Carlo standard error {error:.4f}",
-        ),
-        Row(
-            f"{one.name}: share of catalogues with an interval (error: short of {often:g})",
-            1.0, one.given, float(np.maximum(0.0, often - one.given)), 0.0,
-            "the others: no law, no completeness or no event, in words",
-        ),
-    ]  # fmt: skip
+        reaching(coverage, 0.95, one.held, least, remark=remark),
+        reaching(given, 1.0, one.given, often, remark=others),
+    ]
 
 
 def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:
@@ -135,33 +156,23 @@ def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:
     return np.round(found / width) * width if width else found
 
 
-def size_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
-    """Coverage of b of the quoted law, above a cut that is chosen from the sizes, or above the case's own `cut`."""
-    generator = np.random.default_rng(seed)
-    given = held = 0
-    for index in range(chosen["catalogues"]):
-        x = detected_sizes(generator, case)
-        width = completeness.rounding(x)
-        cut = case.get("cut", completeness.completeness(x, width))
-        settings = ComparisonSettings(resamplings=chosen["resamplings"], seed=index)
-        b = fit(x, cut, width, "cut" not in case, settings).quoted if np.isfinite(cut) else None
-        given += b is not None
-        held += b is not None and b.lower <= case["b"] <= b.upper
-    return {"": (given / chosen["catalogues"], held / max(given, 1))}
+def size_interval(case: dict, chosen: dict, generator: np.random.Generator, index: int) -> Intervals:
+    """Interval of b of the quoted law, above a cut that is chosen from the sizes, or above the case's own `cut`."""
+    x = detected_sizes(generator, case)
+    width = completeness.rounding(x)
+    cut = case.get("cut", completeness.completeness(x, width))
+    settings = ComparisonSettings(resamplings=chosen["resamplings"], seed=index)
+    b = fit(x, cut, width, "cut" not in case, settings).quoted if np.isfinite(cut) else None
+    return {"": ((b.lower, b.upper) if b else None, case["b"])}
 
 
-def axes_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
-    """Coverage of the angle between the mean P axes. The record's are turned by `turn` degrees."""
-    generator = np.random.default_rng(seed)
-    given = held = 0
-    for index in range(chosen["catalogues"]):
-        model = _axes(generator, case["model"], 1, case["spread"], 0.0)
-        days, each = case["record"]
-        record = _axes(generator, days, each, case["spread"], case["turn"])
-        low, high = compare_axes(model, record, index, chosen["resamplings"])["mean_angle_interval"][0]
-        given += bool(np.isfinite(low))
-        held += bool(low <= case["turn"] <= high)
-    return {"": (given / chosen["catalogues"], held / max(given, 1))}
+def axes_interval(case: dict, chosen: dict, generator: np.random.Generator, index: int) -> Intervals:
+    """Interval of the angle between the mean P axes. The record's are turned by `turn` degrees."""
+    model = _axes(generator, case["model"], 1, case["spread"], 0.0)
+    days, each = case["record"]
+    record = _axes(generator, days, each, case["spread"], case["turn"])
+    low, high = compare_axes(model, record, index, chosen["resamplings"])["mean_angle_interval"][0]
+    return {"": ((low, high) if np.isfinite(low) else None, case["turn"])}
 
 
 def _axes(generator: np.random.Generator, days: int, each: int, spread: float, turn: float) -> AxesSample:
@@ -175,45 +186,46 @@ def _axes(generator: np.random.Generator, days: int, each: int, spread: float, t
     return AxesSample(axes, generator.normal(size=(len(blocks), 3)), blocks)
 
 
-def sum_coverage(case: dict, chosen: dict, seed: list[int]) -> dict[str, tuple[float, float]]:
-    """Coverage of the record's expected number and potency, and of the model's ratios to them, for one law of sizes.
+def sum_intervals(case: dict, chosen: dict, generator: np.random.Generator, index: int) -> Intervals:
+    """Intervals of the record's expected number and potency, and of the model's ratios to them, for one law of sizes.
 
     The record has `events` expected in `days`. They trigger each other (`branching`; 0: independent) or come in
     `bursts`. The model has `modelled` events expected, in `runs` that scatter by the share `scatter` more than
     independent events do. Potency is that of events up to the largest recorded, as the interval states; without an
     upper end the whole potency would be infinite.
     """
-    generator = np.random.default_rng(seed)
     days, expected, ratio = chosen["days"], case["events"], case["modelled"] / case["events"]
     start = dated(np.zeros(1))
     exposure = Exposure(start, start + days * DAY)
     runs, scatter = case.get("runs", 1), case.get("scatter", 0.0)
-    names = {"number": "event_rate", "potency": "potency_rate"}
-    names |= {"ratio of numbers": "event_ratio", "ratio of potencies": "potency_ratio"}
-    counts = {name: np.zeros(2) for name in names}
-    for _ in range(chosen["catalogues"]):
-        if "bursts" in case:
-            time, place, _ = burst_events(generator, days, case["bursts"], expected / case["bursts"])
-        else:
-            time, place, _ = branching_events(generator, days, expected, case.get("branching", 0.0))
-        clusters = cluster_labels(dated(time), place, np.zeros(len(time)))
-        rates = case["modelled"] * (generator.gamma(scatter**-2, scatter**2, runs) if scatter else np.ones(runs))
-        record = _events(generator, dated(time), case)
-        model, *members = (_events(generator, dated(np.zeros(generator.poisson(rate))), case) for rate in rates)
-        both = (model, record)
-        used = [np.ones(events.sizes["event"], bool) for events in both]
-        found = sum_measures(both, used, members, clusters, 0.0, exposure)[0]
-        largest = np.log10(record["potency"].values.max(initial=1.0))
-        truth = {
-            "number": expected / days,
-            "potency": expected * mean_potency(case["b"], case.get("span", np.inf), largest) / days,
-            "ratio of numbers": ratio,
-            "ratio of potencies": ratio,
-        }
-        for name, variable in names.items():
-            low, high = found[f"{variable}_interval"][1]
-            counts[name] += bool(low < high), bool(low <= truth[name] <= high)
-    return {name: (given / chosen["catalogues"], held / max(given, 1)) for name, (given, held) in counts.items()}
+    time, place, _ = _clustered_events(generator, case, days)
+    clusters = cluster_labels(dated(time), place, np.zeros(len(time)))
+    rates = case["modelled"] * (generator.gamma(scatter**-2, scatter**2, runs) if scatter else np.ones(runs))
+    record = _events(generator, dated(time), case)
+    model, *members = (_events(generator, dated(np.zeros(generator.poisson(rate))), case) for rate in rates)
+    both = (model, record)
+    used = [np.ones(events.sizes["event"], bool) for events in both]
+    found = sum_measures(both, used, members, clusters, 0.0, exposure)[0]
+    largest = np.log10(record["potency"].values.max(initial=1.0))
+    potency = expected * mean_potency(case["b"], case.get("span", np.inf), largest) / days
+    truths = {
+        "number": ("event_rate", expected / days),
+        "potency": ("potency_rate", potency),
+        "ratio of numbers": ("event_ratio", ratio),
+        "ratio of potencies": ("potency_ratio", ratio),
+    }
+    intervals: Intervals = {}
+    for name, (variable, truth) in truths.items():
+        low, high = found[f"{variable}_interval"][1]
+        intervals[name] = (low, high) if low < high else None, truth
+    return intervals
+
+
+def _clustered_events(generator: np.random.Generator, case: dict, days: float) -> tuple[NDArray, NDArray, NDArray]:
+    """Times (event,), locations (event, 3) and clusters (event,) of a case's triggered events or bursts."""
+    if "bursts" in case:
+        return burst_events(generator, days, case["bursts"], case["events"] / case["bursts"])
+    return branching_events(generator, days, case["events"], case.get("branching", 0.0))
 
 
 def _events(generator: np.random.Generator, time: NDArray, case: dict) -> xr.Dataset:
@@ -291,11 +303,7 @@ def one_process(case: dict, chosen: dict, seed: list[int]) -> OneProcess:
 
 def _run(generator: np.random.Generator, case: dict, chosen: dict) -> Run:
     """One draw of triggered events (`branching`; 0: independent) or bursts. Axes differ by cluster and by event."""
-    if "bursts" in case:
-        each = case["events"] / case["bursts"]
-        days, location, cluster = burst_events(generator, chosen["days"], case["bursts"], each)
-    else:
-        days, location, cluster = branching_events(generator, chosen["days"], case["events"], case["branching"])
+    days, location, cluster = _clustered_events(generator, case, chosen["days"])
     of_cluster = generator.normal(size=(cluster.max(initial=-1) + 1, 3))[cluster]
     turns = Rotation.from_rotvec(np.radians(chosen["spread"]) * of_cluster)
     turns *= Rotation.from_rotvec(np.radians(chosen["spread"]) * generator.normal(size=(len(days), 3)))

@@ -8,6 +8,7 @@ from catalogs.figures import style
 from verification.answers.statistics.location_recovery import Power, false_alarms, find_shift, location_rows, step_rows
 from verification.answers.statistics.mechanism_recovery import RandomPairs, mechanism_rows, random_pairs, share_closer
 from verification.answers.statistics.size_recovery import Estimates, difference_row, estimate_cases, size_rows
+from verification.comparisons import monte_carlo_error
 from verification.page_tables import Pivot
 from verification.plots import plot_errors, plot_series
 from verification.results import Results
@@ -58,21 +59,21 @@ def draw(
     kagan, false, found = bottom.subplots(1, 3)
     draw_kagan(kagan, pairs)
     level, chosen = settings["locations"]["level"], settings["locations"]
-    error = 200.0 * np.sqrt(level * (1.0 - level) / chosen["pairs"])
+    error = 200.0 * monte_carlo_error(level, chosen["pairs"])
     limits = 100.0 * (level - allowed["false_alarms"]), 100.0 * (level + allowed["false_alarms"])
     names = [name.replace(", ", ",\n") for name in alarms]
     what = "one process said to be two (%)\n(bars: 2 Monte Carlo errors)"
     shares = {"": [100.0 * share for share in alarms.values()]}
-    plot_errors(false, names, shares, error, truth=100.0 * level, band=limits, xlabel=what)
-    false.set(title="Locations: false alarms", xlim=(0.0, None))
+    labels: dict = {"title": "Locations: false alarms", "xlabel": what, "xlim": (0.0, None)}
+    plot_errors(false, names, shares, error, truth=100.0 * level, band=limits, **labels)
     shift = chosen["shift"]
-    error = 200.0 * np.sqrt(shift["power"] * (1.0 - shift["power"]) / power.pairs)
+    error = 200.0 * monte_carlo_error(shift["power"], power.pairs)
     names = ["this\ncomparison", "Hotelling,\nsame draws"]
     what = f"shift of {shift['metres']:g} m found (%)\n(bars: 2 Monte Carlo errors)"
-    plot_errors(found, names, {"": [100 * power.found, 100 * power.hotelling]}, error, xlabel=what)
+    shares = {"": [100 * power.found, 100 * power.hotelling]}
+    plot_errors(found, names, shares, error, title="Locations: power", xlabel=what)
     found.axvline(100 * power.best, color=style.RECORDED, label=f"Hotelling, exact: {100 * power.best:.1f}")
     found.axvline(100 * shift["power"], color=style.OUTLINE, linestyle=":", label="asked for")
-    found.set_title("Locations: power")
     found.legend(loc="center")
     return figure
 
@@ -83,19 +84,18 @@ def draw_sizes(panels, estimates: list[Estimates], confidence: float, allowed: d
     mean = np.array([one.value.mean() / one.case["b"] for one in estimates])
     ends = np.array([np.quantile(one.value, [0.025, 0.975]) / one.case["b"] for one in estimates]).T
     what = "estimated b / true b\n(mean, 95 % of the catalogues)"
-    plot_errors(panels[0], names, {"": mean}, np.abs(ends - mean), truth=1.0, xlabel=what)
-    panels[0].set_title("b of simulated catalogues")
+    title = "b of simulated catalogues"
+    plot_errors(panels[0], names, {"": mean}, np.abs(ends - mean), truth=1.0, title=title, xlabel=what)
     count = len(estimates[0].value)
     bias = [one.bias / one.value.std() for one in estimates]
     limits = -allowed["bias"], allowed["bias"]
     what = "bias / standard error\n(shaded: allowed;\nbars: 3 Monte Carlo errors)"
     plot_errors(panels[1], names, {"": bias}, 3.0 / np.sqrt(count), truth=0.0, band=limits, title="Bias", xlabel=what)
-    error = 300.0 * np.sqrt(confidence * (1.0 - confidence) / count)
+    error = 300.0 * monte_carlo_error(confidence, count)
     limits = 100 * (confidence - allowed["coverage"]), 100 * (confidence + allowed["coverage"])
     coverage = {"": [100.0 * one.coverage for one in estimates]}
     what = f"truth inside the\n{100 * confidence:g} % interval (%)\n(shaded: allowed)"
-    plot_errors(panels[2], names, coverage, error, truth=100 * confidence, band=limits, xlabel=what)
-    panels[2].set_title("Coverage")
+    plot_errors(panels[2], names, coverage, error, truth=100 * confidence, band=limits, title="Coverage", xlabel=what)
 
 
 def draw_kagan(axes: Axes, pairs: RandomPairs) -> None:

@@ -8,7 +8,7 @@ from scipy.stats import f, ncf
 
 from catalogs.compare.locations import compare_locations
 from verification.answers.statistics.samples import clustered_locations
-from verification.comparisons import vanishing
+from verification.comparisons import monte_carlo_error, reaching, vanishing
 from verification.rows import Row
 
 # Centres of three steps, each at a distance of 1 from the two others.
@@ -83,23 +83,17 @@ def hotelling_power(events: int, shift: NDArray, level: float) -> float:
 
 def location_rows(alarms: dict[str, float], power: Power, settings: dict, allowed: dict) -> list[Row]:
     """Rows of false alarms by situation, and of the power."""
-    level, shift = settings["level"], settings["shift"]
-    chance = (level * (1.0 - level) / settings["pairs"]) ** 0.5
+    shift = settings["shift"]
     rows = [
-        Row(
-            f"one process, {name}: share of pairs said to differ (p <= {level:g})",
-            level, share, abs(share - level), allowed["false_alarms"],
-            f"{settings['pairs']} pairs, Monte Carlo standard error {chance:.4f}",
-        )
-        for name, share in alarms.items()
-    ]  # fmt: skip
-    chance = (shift["power"] * (1.0 - shift["power"]) / power.pairs) ** 0.5
+        alarm_row(f"one process, {name}", share, settings["pairs"], settings, allowed) for name, share in alarms.items()
+    ]
+    chance = monte_carlo_error(shift["power"], power.pairs)
     what = f"shift of {shift['metres']:g} m, {shift['events']} events spread {shift['spread']:g} m"
     return [
         *rows,
-        Row(
+        reaching(
             f"{what}: share found (error: short of {shift['power']:g})",
-            shift["power"], power.found, float(np.maximum(0.0, shift["power"] - power.found)), 2.0 * chance,
+            shift["power"], power.found, shift["power"], 2.0 * chance,
             f"judged as {shift['power']:g} within two Monte Carlo standard errors ({chance:.4f} each, {power.pairs} "
             f"pairs); Hotelling's test, the best for a shift, finds {power.best:.3f}, of these {power.hotelling:.3f}",
         ),
@@ -109,6 +103,14 @@ def location_rows(alarms: dict[str, float], power: Power, settings: dict, allowe
             "takes the luck of these draws out: both tests find the same pairs but for a few",
         ),
     ]  # fmt: skip
+
+
+def alarm_row(name: str, share: float, pairs: int, settings: dict, allowed: dict) -> Row:
+    """Row of the share of pairs of one process that are said to differ."""
+    level = settings["level"]
+    remark = f"{pairs} pairs, Monte Carlo standard error {monte_carlo_error(level, pairs):.4f}"
+    quantity = f"{name}: share of pairs said to differ (p <= {level:g})"
+    return Row.absolute(quantity, level, share, allowed["false_alarms"], remark)
 
 
 def compare_steps(settings: dict, apart: float, shift: float, pairs: int, seed: list[int]) -> tuple[float, float]:
@@ -136,23 +138,17 @@ def compare_steps(settings: dict, apart: float, shift: float, pairs: int, seed: 
 
 def step_rows(settings: dict, seed: int, allowed: dict) -> list[Row]:
     """False alarms, energy distance without a shift, and power, at each distance between the steps."""
-    chosen, level, rows = settings["steps"], settings["level"], []
+    chosen, rows = settings["steps"], []
     for number, apart in enumerate(chosen["apart"]):
         alarms, energy = compare_steps(settings, apart, 0.0, chosen["alike_pairs"], [seed, 200 + number])
         power, _ = compare_steps(settings, apart, chosen["metres"], chosen["shifted_pairs"], [seed, 300 + number])
         what = f"three steps {apart:g} m apart"
-        error = (level * (1 - level) / chosen["alike_pairs"]) ** 0.5
         rows += [
-            Row(
-                f"{what}, one process: share of pairs said to differ (p <= {level:g})",
-                level, alarms, abs(alarms - level), allowed["false_alarms"],
-                f"{chosen['alike_pairs']} pairs, Monte Carlo standard error {error:.4f}",
-            ),
+            alarm_row(f"{what}, one process", alarms, chosen["alike_pairs"], settings, allowed),
             vanishing(f"{what}, one process: mean energy distance (m)", energy, allowed["energy"]),
-            Row(
+            reaching(
                 f"{what}, shift of {chosen['metres']:g} m: share found (error: short of {chosen['power']:g})",
-                chosen["power"], power, float(np.maximum(0.0, chosen["power"] - power)), 0.0,
-                f"{chosen['shifted_pairs']} pairs",
+                chosen["power"], power, chosen["power"], remark=f"{chosen['shifted_pairs']} pairs",
             ),
         ]  # fmt: skip
     return rows

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from catalogs.sources import mechanisms
 from common.source_tensors import moment_from_potency, principal_axes, source_shares
-from verification.comparisons import vanishing
+from verification.comparisons import monte_carlo_error, vanishing
 from verification.rows import Row
 
 
@@ -74,12 +74,11 @@ def mechanism_rows(settings: dict, pairs: RandomPairs, seed: int, allowed: dict)
     rows.append(vanishing(quantity, worst, allowed["angle"], f"{len(pairs.known)} turns"))
     ring = float(mechanisms.kagan_angle(np.eye(3), np.eye(3)[[1, 2, 0]]))
     quantity = "Kagan angle, degrees, if P, B and T change places in a ring: the largest there is"
-    rows.append(Row(quantity, 120.0, ring, abs(ring - 120.0), allowed["angle"]))
+    rows.append(Row.absolute(quantity, 120.0, ring, allowed["angle"]))
     for degrees in settings["shares_below"]:
         expected, found = share_closer(degrees), float(np.mean(pairs.random < degrees))
         quantity = f"random double couples: share with a Kagan angle below {degrees} degrees"
-        error = abs(found - expected)
-        rows.append(Row(quantity, expected, found, error, allowed["random_angles"], "4 (w - sin w) / pi"))
+        rows.append(Row.absolute(quantity, expected, found, allowed["random_angles"], "4 (w - sin w) / pi"))
     rows.append(_share_row(allowed["share"]))
     rows.append(_cone_row(settings["cone"], seed, allowed["cone"]))
     return rows
@@ -132,9 +131,9 @@ def _cone_row(chosen: dict, seed: int, allowed: float) -> Row:
         found = mechanisms.compare_axes(sample, other, seed=index, resamplings=chosen["resamplings"])
         held += bool(mechanisms.angle_between_axes(found["mean_axis"][0, 0], truth[0]) <= found["mean_cone"][0, 0])
     share = held / chosen["catalogues"]
-    chance = np.sqrt(0.95 * 0.05 / chosen["catalogues"])
-    return Row(
-        f"mean P axis of {events} events turned by {chosen['spread']} degrees each way: coverage of its 95 % cone",
-        0.95, share, abs(share - 0.95), allowed,
-        f"{chosen['blocks']} blocks, {chosen['catalogues']} catalogues, Monte Carlo standard error {chance:.3f}",
-    )  # fmt: skip
+    chance = monte_carlo_error(0.95, chosen["catalogues"])
+    quantity = (
+        f"mean P axis of {events} events turned by {chosen['spread']} degrees each way: coverage of its 95 % cone"
+    )
+    remark = f"{chosen['blocks']} blocks, {chosen['catalogues']} catalogues, Monte Carlo standard error {chance:.3f}"
+    return Row.absolute(quantity, 0.95, share, allowed, remark)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from catalogs.sources import sizes
 from verification.answers.statistics.samples import simulated_sizes
+from verification.comparisons import monte_carlo_error
 from verification.rows import Row
 
 
@@ -69,16 +70,16 @@ def size_rows(estimates: list[Estimates], uncorrected: list[Estimates], confiden
     for one in estimates:
         truth, scatter = one.case["b"], float(one.value.std())
         count = len(one.value)
-        chance = (confidence * (1.0 - confidence) / count) ** 0.5
+        chance = monte_carlo_error(confidence, count)
         rows += [
             Row(
                 f"{one.name}: mean of b (error: bias over standard error)",
                 truth, float(one.value.mean()), abs(one.bias) / scatter, allowed["bias"],
                 f"bias {100 * one.bias / truth:+.2f} %, {count} catalogues, Monte Carlo error {count**-0.5:.3f}",
             ),
-            Row(
+            Row.absolute(
                 f"{one.name}: coverage of the {100 * confidence:g} % interval",
-                confidence, one.coverage, abs(one.coverage - confidence), allowed["coverage"],
+                confidence, one.coverage, allowed["coverage"],
                 f"Monte Carlo standard error {chance:.4f}",
             ),
             Row.relative(
@@ -110,7 +111,5 @@ def difference_row(settings: dict, seed: int, allowed: float) -> Row:
         alarms += bool(sizes.difference_b(first, second).p_value < 1.0 - confidence)
     share = alarms / count
     events = " and ".join(str(events) for events in chosen["counts"])
-    return Row(
-        f"b {chosen['b']:g}, n {events}: share of pairs of one law said to differ (p < {1 - confidence:.2f})",
-        1.0 - confidence, share, abs(share - (1.0 - confidence)), allowed,
-    )  # fmt: skip
+    quantity = f"b {chosen['b']:g}, n {events}: share of pairs of one law said to differ (p < {1 - confidence:.2f})"
+    return Row.absolute(quantity, 1.0 - confidence, share, allowed)
