@@ -2,10 +2,11 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import Polygon, Rectangle
 
 from catalogs.figures import style
-from verification.comparisons import closing_row, vanishing
+from common.voigt import voigt_from_tensor
+from verification.comparisons import VOIGT_MULTIPLICITY, closing_row, vanishing
 from verification.results import Results, Variant
 from verification.rows import Row
 
@@ -62,9 +63,8 @@ def variant_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
     quantity = f"{name}: largest share of an event's potency that is not slip along the planes"
     rows.append(vanishing(quantity, share, allowed))
     on_planes = float(np.concatenate([event["on_planes"].values for event in events]).min())
-    rows.append(
-        Row(f"{name}: least share of an event that its table puts on planes", 1.0, on_planes, 1.0 - on_planes, 0.0)
-    )
+    quantity = f"{name}: least share of an event that its table puts on planes"
+    rows.append(Row.absolute(quantity, 1.0, on_planes, 0.0))
     cell = float(variant.grid.attrs["fine_cell"])
     off = float(np.maximum(np.abs((places - middle) @ normal) - half, 0.0).max() / cell)
     rows.append(vanishing(f"{name}: farthest event outside the fault, cells", off, 1.0))
@@ -82,7 +82,7 @@ def sense(variant: Variant) -> np.ndarray:
     normal = normal_of(variant.values["materials"]["fault"])
     shear = (np.eye(3) - np.outer(normal, normal)) @ virgin @ normal
     shear = np.outer(shear, normal) + np.outer(normal, shear)
-    voigt = np.array([shear[0, 0], shear[1, 1], shear[2, 2], 2 * shear[1, 2], 2 * shear[0, 2], 2 * shear[0, 1]])
+    voigt = VOIGT_MULTIPLICITY * voigt_from_tensor(shear)
     strains = [variant.step(step)["seismic_strain"].values for step in variant.step_names]
     return np.concatenate([strain[(strain != 0.0).any(axis=1)] @ voigt for strain in strains])
 
@@ -94,9 +94,8 @@ def draw(results: Results) -> Figure:
     for axes, (name, variant) in zip(panels, results.variants.items(), strict=True):
         axes.add_patch(Polygon(variant.values["rock_bodies"][0]["points"], facecolor=style.FILL))
         for entry in variant.values["excavations"]:
-            (left, bottom), (right, top) = entry["lower"], entry["upper"]
-            corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-            axes.add_patch(Polygon(corners, facecolor=style.EXCAVATION, edgecolor=style.OUTLINE))
+            size = np.subtract(entry["upper"], entry["lower"])
+            axes.add_patch(Rectangle(entry["lower"], *size, facecolor=style.EXCAVATION, edgecolor=style.OUTLINE))
         colours = style.step_colours([True] * len(variant.step_names))
         for step, colour in zip(variant.step_names, colours, strict=True):
             events = variant.events(step)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalogs.figures import style
 from verification.cavities.cavity import Cavity, read_pressure
-from verification.comparisons import failed_in_step, reported, seismic_potency, vanishing
+from verification.comparisons import bounded, failed_in_step, reported, seismic_potency, vanishing
 from verification.page_tables import Pivot
 from verification.plots import plain_decades, plot_series
 from verification.results import Results, Variant
@@ -194,7 +194,7 @@ def same_answer(runs: list[Run], allowed: float) -> list[Row]:
         regular = [other for other in runs if other.grid == REGULAR and other.cell == run.cell]
         for other in regular:
             quantity = f"{run.title}: error as on the regular grid, share"
-            rows.append(Row(quantity, other.error, run.error, abs(run.error - other.error), allowed))
+            rows.append(Row.absolute(quantity, other.error, run.error, allowed))
     return rows
 
 
@@ -205,9 +205,9 @@ def saved_cells(runs: list[Run], of_regular: float, of_boxes: float) -> list[Row
         other = min((run for run in runs if run.grid == grid), key=lambda run: run.cell)
         same = [run for run in runs if run.grid == ADAPTIVE and run.cell == other.cell]
         for run in same:
-            share = run.cells / other.cells
             quantity = f"{run.title}: cells over those of {grid}"
-            rows.append(Row(quantity, np.nan, share, share, allowed, f"{run.cells} and {other.cells} cells"))
+            remark = f"{run.cells} and {other.cells} cells"
+            rows.append(bounded(quantity, run.cells / other.cells, allowed, remark))
     return rows
 
 

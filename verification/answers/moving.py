@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from verification.answers.schemes import QUANTITIES, Means, Pairs, read_pairs
-from verification.comparisons import vanishing
+from verification.comparisons import convergence_orders, vanishing
 from verification.plots import GRID, plot_convergence, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
@@ -36,9 +36,9 @@ def elastic_rows(results: Results) -> tuple[list[Row], list[tuple[float, float]]
         quantity = f"elastic, {rock}: closure of the wall with moving particles, mm"
         rows.append(Row.relative(quantity, 1e3 * first, 1e3 * other, bound, remark))
     (small, least), *_, (large, most) = closures
-    order = float(np.log(most / least) / np.log(large / small))
+    (order,) = convergence_orders((large, small), (most, least))
     quantity = "elastic: order of the difference in the closure, stiffest to softest rock"
-    return [*rows, Row(quantity, 1.0, order, abs(order - 1.0), allowed["order"])], closures
+    return [*rows, Row.absolute(quantity, 1.0, order, allowed["order"])], closures
 
 
 def brittle_rows(scene: str, pairs: Pairs, allowed: float) -> list[Row]:

@@ -72,9 +72,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     for size in sizes:
         for name in MEASURES:
             values = np.array([errors[scene, size, name] for scene in settings["scenes"]])
-            told = f"{100 * values.min():+.1f} to {100 * values.max():+.1f} %"
-            quantity = f"{size}: {name}, r.m.s. error over the scenes"
-            rows.append(vanishing(quantity, float(mean_square_root(values)), remark=told))
+            rows.append(scenes_row(f"{size}: {name}", values))
     for size in settings["sizes"]:
         sphere = f"{settings['sphere']}_{size}"
         true = energy_of_sphere(results[sphere])
@@ -97,27 +95,35 @@ def doubled(name: str, coarse: np.ndarray, fine: np.ndarray, finest: np.ndarray,
     least `holds`. The second is the error of numbers that are extrapolated from both cell sizes.
     """
     within = float(np.mean(np.abs(finest - fine) <= share_off(fine, coarse) * fine))
-    off = (2.0 * fine - coarse) / finest - 1.0
-    told = f"{100 * off.min():+.1f} to {100 * off.max():+.1f} %"
     return [
         Row.at_least(f"{name}, share of scenes within the report's bounds", within, holds),
-        vanishing(f"{name} extrapolated, r.m.s. error over the scenes", float(mean_square_root(off)), remark=told),
+        scenes_row(f"{name} extrapolated", (2.0 * fine - coarse) / finest - 1.0),
     ]
+
+
+def scenes_row(name: str, errors: np.ndarray) -> Row:
+    """Root mean square of the signed errors (scene,) of all scenes, reported."""
+    told = f"{100 * errors.min():+.1f} to {100 * errors.max():+.1f} %"
+    return vanishing(f"{name}, r.m.s. error over the scenes", float(mean_square_root(errors)), remark=told)
 
 
 def measure(variant: Variant) -> Found:
     """Numbers of one run of a scene."""
     state = variant.step(STEP)
     failed = state.failed.values >= 0
-    seconds = [variant.processor_time(stage) or 0.0 for stage in ("grid", "elastic", f"steps/{STEP}")]
-    shares = json.loads(variant.grid.attrs["excavation_whole_share"])
+    stages = ("grid", "elastic", f"steps/{STEP}")
     return Found(
         float(variant.elastic.attrs["energy_motion"]),
         float(seismic_potency(state, failed).sum()),
         float(state.volume.values[failed].sum()),
-        min(shares),
-        sum(seconds),
+        whole_share(variant),
+        sum(variant.processor_time(stage) or 0.0 for stage in stages),
     )
+
+
+def whole_share(variant: Variant) -> float:
+    """Least share of an opening in whole cells."""
+    return min(json.loads(variant.grid.attrs["excavation_whole_share"]))
 
 
 def energy_of_sphere(variant: Variant) -> float:
@@ -135,7 +141,7 @@ def slots(results: Results) -> list[Row]:
         true = float(results[f"slot_{dip}_{settings['finest']}"].elastic.attrs["energy_motion"])
         for size in settings["judged"]:
             variant = results[f"slot_{dip}_{size}"]
-            share = min(json.loads(variant.grid.attrs["excavation_whole_share"]))
+            share = whole_share(variant)
             refused = share < MIN_WHOLE_CELL_SHARE_ACCEPTED
             told = f"{share:.2f} of it in whole cells" + (": refused unless volume_error is 1" if refused else "")
             value = float(variant.elastic.attrs["energy_motion"])

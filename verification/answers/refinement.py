@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from mpm_core.equilibrium.increments import potency
-from verification.comparisons import failed_in_step, reported, seismic_potency, vanishing
+from verification.comparisons import failed_in_step, released_potency, reported, vanishing
 from verification.page_tables import Pivot
 from verification.plots import GRID, plot_cells, plot_series
 from verification.results import Results, Variant
@@ -36,7 +36,7 @@ class Run:
         self.facts = self.state.attrs
         self.failed = failed_in_step(self.state)
         volume = self.state.volume.values[self.failed]
-        self.potency = float(seismic_potency(self.state, self.failed).sum())
+        self.potency = released_potency(self.state)
         self.flow = float(potency(self.state.later_strain.values[self.failed], volume).sum())
         self.volume = float(self.facts["failed_volume"])
         self.particles = int(self.facts["failed_particles"])

@@ -17,17 +17,17 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from scipy.stats import sem
 
 from catalogs.figures import style
 from catalogs.sources.sizes import MIN_EVENTS_FOR_B, BValue, estimate_b, log_potency
 from common.errors import InputError
-from common.source_tensors import scalar_potency
-from common.voigt import tensor_from_voigt
+from mpm_core.equilibrium.increments import potency
 from mpm_core.kernels.threads import use_threads
 from mpm_core.scene.scene import parse_scene
 from mpm_core.stages.equilibrium_stages import mining_step
 from seismic.events import extract_events
-from verification.comparisons import reported, vanishing
+from verification.comparisons import VOIGT_MULTIPLICITY, reported, vanishing
 from verification.page_tables import Pivot
 from verification.plots import COLOURS, plot_series
 from verification.results import Results, Variant
@@ -47,8 +47,6 @@ TABLES = (
     ),
 )
 
-# How often each Voigt component stands in a sum over the tensor.
-VOIGT_MULTIPLICITY = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 LABELS = {
     "potency": "seismic potency (m³)",
     "failed_volume": "failed volume (m³)",
@@ -196,9 +194,8 @@ def describe(states: list[xr.Dataset], mine: Mine) -> Run:
     """Run of these states."""
     last = states[-1]
     events = extract_events(last, mine.event_slice())[0]
-    strain, volume = tensor_from_voigt(last.seismic_strain.values), last.volume.values
     return Run(
-        potency=float(np.sum(scalar_potency(strain) * volume)),
+        potency=float(potency(last.seismic_strain.values, last.volume.values).sum()),
         failed_volume=float(last.attrs["failed_volume"]),
         failed=last.failed.values >= 0,
         sizes=log_potency(events.potency.values[events.resolved.values == 1]),
@@ -242,21 +239,19 @@ class Means:
     @property
     def pair_error(self) -> float:
         """Standard error of the mean difference of pairs."""
-        pairs = self.other - self.first
-        return float(pairs.std(ddof=1) / np.sqrt(len(pairs)))
+        return float(sem(self.other - self.first))
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
     """Rows and figure of the study."""
     settings, variants = results.settings, results.variants
     elastic = {
-        scene: {name: variants[name] for name in names if name in variants}
-        for scene, names in settings["elastic"].items()
+        scene: {name: variants[name] for name in results.present(names)} for scene, names in settings["elastic"].items()
     }
     brittle = {
         scene: read_pairs((variants[first], variants[second]), settings.get("increments", []))
         for scene, (first, second) in settings["brittle"].items()
-        if first in variants and second in variants
+        if len(results.present((first, second))) == 2
     }
     rows = []
     for schemes in elastic.values():
@@ -320,10 +315,9 @@ def brittle_rows(scene: str, pairs: Pairs, allowed: dict[str, float]) -> list[Ro
         return rows
     taken = " and ".join(f"{np.mean([run.iterations for run in runs]):.0f}" for runs in pairs.runs.values())
     quantity = f"{scene}, brittle: pairs in which the very same rock fails"
-    alike, count = pairs.alike, pairs.count
     parts = " and ".join(f"{np.mean([run.in_parts for run in runs]):.0f}" for runs in pairs.runs.values())
     remark = f"{taken} iterations a run; {parts} generations in parts of the mine"
-    rows.append(Row(quantity, count, alike, count - alike, None, remark))
+    rows.append(Row.absolute(quantity, pairs.count, pairs.alike, None, remark))
     return rows
 
 
@@ -371,5 +365,5 @@ def draw_pairs(axes: Axes, quantity: str, pairs: Pairs) -> None:
     axes.plot([0, 1], both, color=style.BEFORE_RECORD, linewidth=0.7, zorder=1)
     for place, side, colour, values in zip((0, 1), (-1, 1), COLOURS, both, strict=False):
         axes.plot(np.full(len(values), place), values, "o", markersize=3.5, color=colour)
-        error, at = values.std(ddof=1) / np.sqrt(len(values)), place + side * MEAN_OFFSET
-        axes.errorbar(at, values.mean(), error, fmt="D", markersize=4.5, capsize=4.0, color=colour)
+        at = place + side * MEAN_OFFSET
+        axes.errorbar(at, values.mean(), sem(values), fmt="D", markersize=4.5, capsize=4.0, color=colour)

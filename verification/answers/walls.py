@@ -1,10 +1,12 @@
 """One stope whose walls lie anywhere in their cells, against the same stope with walls on cell faces."""
 
+import itertools
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.comparisons import failed_in_step, reported, seismic_potency, vanishing
+from verification.comparisons import released_potency, reported, vanishing
 from verification.page_tables import Pivot
 from verification.plots import plot_errors
 from verification.results import Results, Variant
@@ -40,7 +42,8 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         for cells in settings["cells"][fill]:
             on_faces = found[f"{fill}_{FACES}_{cells}"]
             rows.append(Row.relative(f"{fill}, {cells} cells across, walls on faces: potency, m3", limit, on_faces))
-    for fill, treatment, cells in _cases(settings):
+    placed = itertools.product(panels_of(settings), settings["treatments"])
+    for (fill, cells), treatment in placed:
         judged = treatment == settings["judged"]
         name = f"{fill}, {cells} cells across, {treatment}"
         bound = allowed[f"limit_{cells}"] if judged else None
@@ -68,21 +71,17 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 def released(variant: Variant) -> float:
     """Seismic potency of the step, m3, summed over rock that failed in it."""
-    state = variant.step(STEP)
-    return float(seismic_potency(state, failed_in_step(state)).sum())
+    return released_potency(variant.step(STEP))
 
 
-def _cases(settings: dict):
-    """Fill, treatment of cut cells and cells across of each group of placements."""
-    for fill, numbers in settings["cells"].items():
-        for cells in numbers:
-            for treatment in settings["treatments"]:
-                yield fill, treatment, cells
+def panels_of(settings: dict) -> list[tuple[str, int]]:
+    """Fill and cells across of each group of placements."""
+    return [(fill, cells) for fill, numbers in settings["cells"].items() for cells in numbers]
 
 
 def draw(settings: dict, found: dict[str, float], limits: dict[str, float]) -> Figure:
     """Potency by placement, a panel for each fill and number of cells; the line is the limit."""
-    panels = [(fill, cells) for fill, numbers in settings["cells"].items() for cells in numbers]
+    panels = panels_of(settings)
     figure = style.new_figure(height=3.4)
     places = [*settings["unturned"], *settings["turned"]]
     names = [FACES, *(place.replace("_", " ") for place in places)]

@@ -79,11 +79,8 @@ def _draw_clusters(axes: Axes, points: PointSet, label: NDArray) -> None:
     size = np.square(100.0 / across * points.spacing[order] / points.spacing.min())
     x, y = points.position[order, :2].T
     axes.scatter(x, y, s=size, c=colour[order], marker="s", linewidths=0, rasterized=True)
-    axes.set_aspect("equal")
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for side in axes.spines.values():
-        side.set_visible(False)
+    axes.set(aspect="equal", xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
 
 
 def _draw_table(
@@ -103,9 +100,8 @@ def _draw_table(
             axes.add_patch(edge)
     axes.set_xticks(range(len(found.threshold)), [f"{value:g}" for value in found.threshold])
     axes.set_yticks(range(len(found.scatter)), [f"{value:g}" for value in found.scatter])
-    axes.set_xlabel("closeness threshold (outlined: recovery certain)")
-    axes.set_ylabel("largest turn (degrees)")
-    axes.set_title(title)
+    what = "closeness threshold (outlined: recovery certain)"
+    axes.set(title=title, xlabel=what, ylabel="largest turn (degrees)")
 
 
 def _draw_times(axes: Axes, times: dict) -> None:

@@ -1,7 +1,5 @@
 """Invariants that hold to round-off on any grid, and second order of convergence for a smooth field."""
 
-from itertools import pairwise
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -17,7 +15,7 @@ from verification.answers.invariants.operator import (
     rigid_motions,
     solve_smooth,
 )
-from verification.comparisons import reported, vanishing
+from verification.comparisons import convergence_orders, reported, vanishing
 from verification.plots import plot_convergence, plot_errors, plot_series
 from verification.results import Results, Variant
 from verification.rows import Row
@@ -57,7 +55,7 @@ def smooth_series(results: Results) -> dict[str, list[Solved]]:
     smooth = results.settings["smooth"]
     series = {}
     for kind, names in smooth["series"].items():
-        there = [name for name in names if name in results.variants]
+        there = results.present(names)
         for per_edge in smooth["particles_per_edge"][kind] if len(there) > 1 else []:
             count = per_edge ** results[there[0]].mine.dimension
             label = f"{kind}, {count} particle{'s' if count > 1 else ''} per cell"
@@ -88,7 +86,7 @@ def virgin_rows(name: str, variant: Variant, allowed: float) -> list[Row]:
         moved = max(moved, float(np.abs(state["node_displacement"].values).max()))
         failed += float((state["failed"].values >= 0).sum())
     insitu = variant.scene().insitu
-    last = variant.step(variant.step_names[-1])
+    last = variant.last
     virgin = insitu.at(last["position"].values[:, 2])
     return [
         vanishing(f"{name}: largest displacement, m", moved, allowed, hanging(variant)),
@@ -227,10 +225,7 @@ def order_rows(kind: str, solved: list[Solved], least: float) -> list[Row]:
     rows = []
     for quantity, required in (("displacement", least), ("stress", None)):
         errors = [getattr(one, quantity) for one in solved]
-        orders = [
-            float(np.log(a / b) / np.log(one.cell / two.cell))
-            for (a, b), (one, two) in zip(pairwise(errors), pairwise(solved), strict=True)
-        ]
+        orders = convergence_orders([one.cell for one in solved], errors)
         worst = min(orders)
         remark = (
             f"L2 errors {', '.join(f'{error:.2e}' for error in errors)}; by halving "
@@ -261,8 +256,7 @@ def draw(rows: list[Row], columns: dict[str, tuple], series: dict[str, list[Solv
     }
     errors["allowed"] = [next(row.allowed for row in rows if row.quantity.startswith(kind)) for kind in kinds]
     what = "error, share of the largest term (0: 1e-18)\ncircles: section, squares: block, bars: allowed"
-    plot_errors(left, kinds, errors, marks="os|", legend=None, xscale="log", xlabel=what)
-    left.set_title("Round-off")
+    plot_errors(left, kinds, errors, marks="os|", legend=None, xscale="log", title="Round-off", xlabel=what)
     found = {f"nodes, {name.split('_')[1]}": (1e3 * moved, nodes) for name, (_, nodes, moved, *_) in columns.items()}
     exact = {}
     if columns:

@@ -8,19 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from verification.cavities import inclusion
+
 
 @dataclass(frozen=True)
-class Elastic:
-    """Young's modulus Pa and Poisson's ratio."""
-
-    youngs_modulus: float
-    poisson_ratio: float
-
-    @property
-    def lame(self) -> tuple[float, float]:
-        """lambda and shear modulus, Pa."""
-        shear = self.youngs_modulus / (2 * (1 + self.poisson_ratio))
-        return 2 * shear * self.poisson_ratio / (1 - 2 * self.poisson_ratio), shear
+class Elastic(inclusion.Elastic):
+    """An isotropic elastic material, also in plane strain and in uniaxial strain."""
 
     @property
     def confined_modulus(self) -> float:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from common.voigt import voigt_from_tensor
 from mpm_core.equilibrium.convergence import History, norm
 from mpm_core.equilibrium.explicit_scheme import take_time_step
 from mpm_core.equilibrium.moving_scheme import MovingBody
@@ -160,8 +161,7 @@ def solve_smooth(variant: Variant, smooth: dict, particles_per_edge: int) -> Sol
     found = np.zeros((particles.count, d))
     interpolate(model.cell_nodes, particles.cell, particles.row, particles.modes, body.state.displacement, found)
     exact = field.displacement(particles.position)
-    tensor = rock.stress(field.gradient(particles.position))
-    stress = np.stack([tensor[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))], axis=1)
+    stress = voigt_from_tensor(rock.stress(field.gradient(particles.position)))
     return Solved(
         float(grid.fine_cell),
         float(grid.cell_size.max()),

@@ -30,6 +30,8 @@ from typing import Self
 
 import numpy as np
 
+from verification.cavities.inclusion import Elastic
+
 
 @dataclass(frozen=True)
 class Axial:
@@ -112,11 +114,9 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Specimen:
+class Specimen(Elastic):
     """Rock under a pressure (Pa, positive in compression)."""
 
-    youngs_modulus: float
-    poisson_ratio: float
     intact: Surface
     residual: Surface
     pressure: float
@@ -126,12 +126,6 @@ class Specimen:
         """From a material of a configuration."""
         intact, residual = (Surface.of(material, state) for state in ("intact", "residual"))
         return cls(material["youngs_modulus"], material["poisson_ratio"], intact, residual, pressure)
-
-    @property
-    def lame(self) -> tuple[float, float]:
-        """lambda and G, Pa."""
-        shear = self.youngs_modulus / (2 * (1 + self.poisson_ratio))
-        return 2 * shear * self.poisson_ratio / (1 - 2 * self.poisson_ratio), shear
 
     def elastic_strain(self, stress: Axial) -> Axial:
         """Hooke's law for a change of stress."""
