@@ -159,6 +159,9 @@ class Cases:
     Benchmarks run one after the other: each case takes all threads and waits for the one before it.
     """
 
+    studies: Studies
+    benchmarks: Callable[[], Settings]
+
     def __init__(self, studies: Studies):
         self.studies = studies
         self.benchmarks = functools.cache(self._benchmarks)
