@@ -95,7 +95,7 @@ def _check_name(mine: Mine, _: Mistakes) -> None:
 def _check_virgin(mine: Mine, _: Mistakes) -> None:
     """Raise InputError where the last step's scene is none, and where virgin rock would fail before anything is
     mined."""
-    parse_scene(mine.scene_slice(len(mine.steps) - 1))
+    parse_scene(mine.mechanics_slice(len(mine.steps) - 1))
     check_virgin_stress(mine)
 
 

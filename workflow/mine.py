@@ -32,7 +32,7 @@ class Mine(Plan):
     """A mine's plan, and its slices."""
 
     def grid_slice(self) -> dict:
-        """What grid.nc depends on: shapes, cells, the domain; no material, and of steps what the first one mines."""
+        """Settings of stage `grid`: shapes, cells, the domain; no material, and of steps what the first one mines."""
         settings = self.settings
         grid = settings.grid.model_dump(mode="json", include=GRID_KEYS, exclude_unset=True)
         later = [number for number, entry in enumerate(self.excavations) if self.step_index(entry.step) != 0]
@@ -66,11 +66,14 @@ class Mine(Plan):
         return {key: getattr(self.far_field, key) for key in ("distance", "error", "radius", "limited")}
 
     def solids_slice(self) -> dict:
-        """What the picture of the solids depends on: their shapes, and the index of the step that mines each, or -1."""
+        """Settings of stage `vtk_solids`: those of the grid, and the index of each excavation's step, or -1."""
         return self.grid_slice() | {"mined": [self.step_index(entry.step) for entry in self.excavations]}
 
-    def scene_slice(self, last: int) -> dict:
-        """What the mechanics up to step number `last` depend on, for mpm_core.scene.scene.parse_scene."""
+    def mechanics_slice(self, last: int) -> dict:
+        """Settings of stages `elastic` (last: 0) and `step`: what the mechanics up to step number `last` depend on.
+
+        mpm_core.scene.scene.parse_scene reads them.
+        """
         settings = self.settings
 
         def excavation(entry: Excavation) -> dict:
@@ -136,11 +139,11 @@ class Mine(Plan):
         return {"rings": grid.buffer_cells, "max_cells": grid.max_cells, "bodies": bodies}
 
     def step_slice(self, step: str) -> dict:
-        """What steps/<step>.nc depends on besides the state of the step before."""
-        return self.scene_slice(self.step_index(step))
+        """Settings of stage `step`: what steps/<step>.nc depends on besides the state of the step before."""
+        return self.mechanics_slice(self.step_index(step))
 
     def picture_slice(self) -> dict:
-        """What the picture of the scene depends on: name, whether it has dates, and excavations of every step."""
+        """Settings of stage `scene`, a picture: of every step its name, whether it has dates, what it mines."""
         mined: dict[str, list[str]] = {step.name: [] for step in self.steps}
         for entry in self.excavations:
             if entry.step in mined:
@@ -151,17 +154,20 @@ class Mine(Plan):
             ]
         }
 
-    def event_slice(self, step: str = "") -> dict:
-        """What events and catalogue depend on, beside the steps; of the events of one step, its dates too."""
+    def catalogue_slice(self) -> dict:
+        """Settings of stage `catalogue`: those of section `seismic`, and where the mine is."""
         settings = self.settings
         flat = {"thickness": settings.thickness} if self.plane else {}
-        slice_ = {"mine": self.name, "frame": settings.frame.given(), **flat, **settings.seismic.given()}
-        return slice_ | self._dates(step) if step else slice_
+        return {"mine": self.name, "frame": settings.frame.given(), **flat, **settings.seismic.given()}
+
+    def step_events_slice(self, step: str) -> dict:
+        """What the events of one step depend on, beside its state: the settings of the catalogue, and its dates."""
+        return self.catalogue_slice() | self._dates(step)
 
     def events_slice(self) -> dict:
-        """What the events of all steps depend on, beside their states."""
+        """Settings of stage `events`: what the events of all steps depend on, beside their states."""
         steps = [{"name": name, "dates": self._dates(name)} for name in self.mined_steps]
-        return {"seismic": self.event_slice(), "steps": steps}
+        return {"seismic": self.catalogue_slice(), "steps": steps}
 
     def _dates(self, step: str) -> dict[str, str]:
         """First date of a step, and the first one after it; empty texts where it has none."""
@@ -222,18 +228,22 @@ class Mine(Plan):
         kind, _, step = result.partition("/")
         return {
             "grid": self.grid_slice,
-            "elastic": lambda: self.scene_slice(0),
+            "elastic": lambda: self.mechanics_slice(0),
             "steps": lambda: self.step_slice(step),
-            "events": lambda: self.event_slice(step),
+            "events": lambda: self.step_events_slice(step),
         }[kind]()
 
     def run_slices(self, has_events: bool = True) -> dict:
         """Settings of all stages, for workflow.run_mine.run_stages; has_events: up to the events, else the steps."""
         steps = [
-            {"name": name, "scene": self.step_slice(name), "events": [self.event_slice(name)] if has_events else []}
+            {
+                "name": name,
+                "scene": self.step_slice(name),
+                "events": [self.step_events_slice(name)] if has_events else [],
+            }
             for name in self.mined_steps
         ]
-        return {"grid": self.grid_slice(), "elastic": self.scene_slice(0), "steps": steps}
+        return {"grid": self.grid_slice(), "elastic": self.mechanics_slice(0), "steps": steps}
 
     def record_slice(self) -> dict:
         """What record.nc depends on besides the recorded data."""

@@ -147,7 +147,7 @@ class Scene:
 def parse_scene(values: dict) -> Scene:
     """Build a Scene from a stage's configuration slice (plain SI values, see workflow/mine.py). Raises InputError."""
     if "solver" not in values or "insitu_stress" not in values:
-        raise InputError("not the slice of a step; slices stand in results/<mine>/slices")
+        raise InputError("not the settings of stage elastic or step; jobs stand in results/<mine>/jobs")
     stress = values["insitu_stress"]
     scene = Scene(
         mine=values["name"],

@@ -72,9 +72,9 @@ def _variant(mine, folder: Path) -> Variant:
         if name == "grid":
             return make_grid(mine.grid_slice(), {})
         if name == "elastic":
-            return elastic_stage(parse_scene(mine.scene_slice(0)), variant.grid, failed)[0]
+            return elastic_stage(parse_scene(mine.mechanics_slice(0)), variant.grid, failed)[0]
         if stage == "events":
-            return extract_events(variant.step(name), mine.event_slice())[0]
+            return extract_events(variant.step(name), mine.catalogue_slice())[0]
         before = mine.previous(name)
         state = variant.step(before) if before else variant.elastic
         return mining_step(parse_scene(mine.step_slice(name)), variant.grid, state, failed)[0]

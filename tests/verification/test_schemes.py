@@ -131,7 +131,7 @@ def test_members_of_an_ensemble_are_read_not_computed(tmp_path, monkeypatch):
     runs = list(schemes.read_runs(Variant(variant.mine, read), []))
     assert asked == [f"ensemble/{number}/steps/{step}.nc" for number in (1, 2) for step in ("history", "mining")]
     assert runs[0].failed_volume == states[-1].attrs["failed_volume"]
-    budget = json.loads(extract_events(states[-1], variant.mine.event_slice())[0].attrs["budget"])
+    budget = json.loads(extract_events(states[-1], variant.mine.catalogue_slice())[0].attrs["budget"])
     assert runs[0].potency == pytest.approx(budget["particle_scalars"])  # as `seismic` sums them
 
 

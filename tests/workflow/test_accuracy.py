@@ -31,7 +31,7 @@ def test_a_fine_one_has_smaller_cells_and_more_increments(accept):
     grid, solver = mine.settings.grid, mine.settings.solver
     assert (grid.levels, solver.tolerance, solver.increments, solver.max_overshoot) == (3, 1e-3, 4, 0.1)
     assert mine.settings.domain == accept(TINY).settings.domain
-    assert accept(TINY, accuracy="fine").event_slice() == accept(TINY).event_slice()
+    assert accept(TINY, accuracy="fine").catalogue_slice() == accept(TINY).catalogue_slice()
 
 
 def test_cells_that_cannot_change_are_refused_with_what_would_let_them(refuse):
@@ -83,7 +83,7 @@ def test_a_draft_of_two_sizes_of_cell_ends(accept, tmp_path):
     """It has one size left, whose cells nothing can split, and rock that fails."""
     mine = accept({key: value for key, value in TINY.items() if key != "record"}, accuracy="draft")
     grid = make_grid(mine.grid_slice(), {})
-    state, _ = elastic_stage(parse_scene(mine.scene_slice(0)), grid, tmp_path / "failed.npz")
+    state, _ = elastic_stage(parse_scene(mine.mechanics_slice(0)), grid, tmp_path / "failed.npz")
     for step in mine.mined_steps:
         state, facts = mining_step(parse_scene(mine.step_slice(step)), grid, state, tmp_path / "failed.npz")
     assert grid.attrs["levels"] == 1

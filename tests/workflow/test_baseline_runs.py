@@ -39,7 +39,7 @@ def test_rock_of_the_variant_does_not_fail_and_all_else_is_the_mines(accept):
     """More rings of cells, since none are split where rock nears its strength; strength is not there, fill is."""
     mine = accept(TINY)
     variant = Folders(mine).mine_at("tiny/elastic_rock")
-    own, elastic = mine.scene_slice(1), variant.scene_slice(1)
+    own, elastic = mine.mechanics_slice(1), variant.mechanics_slice(1)
     assert {key for key in own if own[key] != elastic[key]} == {"materials", "refinement"}
     assert elastic["materials"] == {
         name: {key: rock[key] for key in ("youngs_modulus", "poisson_ratio", "density")} | {"model": "elastic"}

@@ -31,12 +31,13 @@ def test_a_companion_is_run_in_space_where_steps_have_dates_and_a_level_can_go(a
 
 def test_the_companion_differs_in_its_cells_alone(accept):
     mine = accept(TINY)
-    coarse, here = mine.coarser(), mine.scene_slice(1)
+    coarse, here = mine.coarser(), mine.mechanics_slice(1)
     assert coarse.grid_slice()["grid"] == mine.grid_slice()["grid"] | {
         "levels": 1, "volume_error": 1e9, "resized_by": "grid_convergence",
     }  # fmt: skip
-    assert coarse.scene_slice(1) == {key: value for key, value in here.items() if key != "refinement"}  # one size only
-    assert coarse.event_slice("2019-08") == mine.event_slice("2019-08")
+    one_size = {key: value for key, value in here.items() if key != "refinement"}
+    assert coarse.mechanics_slice(1) == one_size
+    assert coarse.step_events_slice("2019-08") == mine.step_events_slice("2019-08")
     assert mine.convergence_slice() == {"mine": "tiny", "steps": ["2019-08"], "cells": [5.0, 10.0]}
 
 
@@ -53,7 +54,7 @@ def test_the_companion_leaves_out_what_is_too_small_for_its_cells(accept, caplog
     said = "excavations.sump: adds no volume: it is thinner than a fraction of the finest cell, 10 m (the companion run"
     assert f"{said} of grid_convergence doubles those of the mine), and left" in caplog.text
     assert json.loads(grid.attrs["excavation_volume_grid"])[:2] == [0.0, 0.0]
-    state, _ = elastic_stage(parse_scene(coarse.scene_slice(0)), grid, tmp_path / "failed.npz")
+    state, _ = elastic_stage(parse_scene(coarse.mechanics_slice(0)), grid, tmp_path / "failed.npz")
     for step in STEPS:
         state, _ = mining_step(parse_scene(coarse.step_slice(step)), grid, state, tmp_path / "failed.npz")
     assert state.attrs["energy_released"] == 0.0

@@ -112,7 +112,7 @@ def test_an_odd_value_is_accepted_or_refused_in_one_line_never_a_traceback(path,
         mine = load(config, "mine.yaml")
     except InputError:
         return
-    json.dumps([mine.grid_slice(), mine.scene_slice(1), mine.event_slice()], allow_nan=False)
+    json.dumps([mine.grid_slice(), mine.mechanics_slice(1), mine.catalogue_slice()], allow_nan=False)
 
 
 FREE_KEYS = {("materials",)}  # the user's own names stand here
@@ -206,7 +206,7 @@ def test_a_strain_out_of_the_plane_is_refused(refuse, accept):
     line = refuse(FLAT, strains=[STRAIN | {"strain": {"zz": -1e-4, "yy": 1e-4}}])
     assert line.startswith("strains.press.strain.yy: ")
     assert "xx, zz, xz" in line
-    assert accept(FLAT, strains=[STRAIN]).scene_slice(1)["strains"]
+    assert accept(FLAT, strains=[STRAIN]).mechanics_slice(1)["strains"]
 
 
 def test_a_strain_with_particles_that_move_is_refused(refuse):
@@ -276,7 +276,7 @@ def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):
     for step in mine.mined_steps:
         assert "perturbation" not in mine.step_slice(step)
         assert mine.member(2).step_slice(step) == without.step_slice(step) | {"perturbation": 2}
-    assert mine.member(2).event_slice() == without.event_slice()
+    assert mine.member(2).catalogue_slice() == without.catalogue_slice()
 
 
 def test_a_record_without_a_location_error_is_refused(refuse):

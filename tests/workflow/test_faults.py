@@ -267,12 +267,12 @@ def test_no_convergence_and_nan_leave_the_last_state_beside_the_output(mine, tmp
     grid = grid_stage.make_grid(made.grid_slice(), {})
     failed = tmp_path / "elastic.failed.npz"
     with pytest.raises(InputError, match=r"no convergence: .* raise solver\.max_iterations"):
-        equilibrium_stages.elastic_stage(parse_scene(made.scene_slice(0)), grid, failed)
+        equilibrium_stages.elastic_stage(parse_scene(made.mechanics_slice(0)), grid, failed)
     assert "displacement" in np.load(failed)
     external_force = equilibrium_stages.external_force
     monkeypatch.setattr(equilibrium_stages, "external_force", lambda model, step: external_force(model, step) * np.nan)
     with pytest.raises(InputError, match="not a number at iteration 0"):
-        equilibrium_stages.elastic_stage(parse_scene(mine(TINY).scene_slice(0)), grid, failed)
+        equilibrium_stages.elastic_stage(parse_scene(mine(TINY).mechanics_slice(0)), grid, failed)
 
 
 def test_state_of_another_grid_is_refused(mine, undisturbed, tmp_path):

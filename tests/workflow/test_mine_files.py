@@ -250,5 +250,5 @@ def test_the_demo_spoiled_at_random_is_taken_or_refused_in_lines(tmp_path_factor
                 assert line.startswith(f"{file}: ")
                 assert len(line) < 600
             return
-        slices = [mine.grid_slice(), mine.event_slice(), mine.record_slice() if mine.settings.record else {}]
+        slices = [mine.grid_slice(), mine.catalogue_slice(), mine.record_slice() if mine.settings.record else {}]
         json.dumps([*slices, *(mine.step_slice(step) for step in mine.mined_steps)], allow_nan=False)

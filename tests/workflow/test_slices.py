@@ -12,7 +12,7 @@ from workflow.configuration import load
 def test_values_are_si(accept):
     """Metres, pascals; angles stay degrees."""
     mine = accept(TINY, **{"materials.host.friction_angle.intact": "0.5 rad", "frame.surface": "1 km"})
-    slice_ = mine.scene_slice(0)
+    slice_ = mine.mechanics_slice(0)
     assert slice_["materials"]["host"]["youngs_modulus"] == 57e9
     assert slice_["materials"]["host"]["friction_angle"]["intact"] == pytest.approx(28.6479, abs=1e-4)
     assert slice_["surface"] == 1000.0
@@ -55,20 +55,20 @@ def test_pressure_on_a_wall_stands_in_the_slices_of_the_steps_that_it_acts_in(ac
 @pytest.mark.parametrize(
     ("key", "value", "same"),
     [
-        ("seismic.closeness", 0.7, {"grid_slice", "scene_slice", "record_slice"}),
-        ("solver.tolerance", 1e-4, {"grid_slice", "event_slice", "record_slice"}),
-        ("grid.levels", 3, {"scene_slice", "event_slice", "record_slice"}),
-        ("record.location_error", "9 m", {"grid_slice", "scene_slice", "event_slice"}),
-        ("comparison.seed", 2, {"grid_slice", "scene_slice", "event_slice", "record_slice"}),
+        ("seismic.closeness", 0.7, {"grid_slice", "mechanics_slice", "record_slice"}),
+        ("solver.tolerance", 1e-4, {"grid_slice", "catalogue_slice", "record_slice"}),
+        ("grid.levels", 3, {"mechanics_slice", "catalogue_slice", "record_slice"}),
+        ("record.location_error", "9 m", {"grid_slice", "mechanics_slice", "catalogue_slice"}),
+        ("comparison.seed", 2, {"grid_slice", "mechanics_slice", "catalogue_slice", "record_slice"}),
     ],
 )
 def test_a_slice_holds_only_what_its_stage_needs(accept, key, value, same):
     """A changed value re-runs what depends on it and nothing else."""
     before, after = accept(TINY), accept(TINY, **{key: value})
-    slices = {name: getattr(before, name) for name in ("grid_slice", "event_slice", "record_slice")}
-    slices["scene_slice"] = lambda: before.scene_slice(1)
-    others = {name: getattr(after, name) for name in ("grid_slice", "event_slice", "record_slice")}
-    others["scene_slice"] = lambda: after.scene_slice(1)
+    slices = {name: getattr(before, name) for name in ("grid_slice", "catalogue_slice", "record_slice")}
+    slices["mechanics_slice"] = lambda: before.mechanics_slice(1)
+    others = {name: getattr(after, name) for name in ("grid_slice", "catalogue_slice", "record_slice")}
+    others["mechanics_slice"] = lambda: after.mechanics_slice(1)
     assert {name for name in slices if slices[name]() == others[name]()} == same
 
 
@@ -85,10 +85,10 @@ def test_dates_reach_the_events_of_their_step_alone(accept):
     before, after = accept(TINY), accept(TINY, **{"steps.1.end": "2019-09-15"})
     stages = ("grid", "elastic", "steps/history", "steps/2019-08")
     assert all(before.slice_of(stage) == after.slice_of(stage) for stage in stages)
-    assert before.event_slice("history") == after.event_slice("history")
+    assert before.step_events_slice("history") == after.step_events_slice("history")
     assert before.comparison_slice() != after.comparison_slice()
-    assert after.event_slice("2019-08")["end"] == "2019-09-15"
-    assert after.event_slice("history")["start"] == ""
+    assert after.step_events_slice("2019-08")["end"] == "2019-09-15"
+    assert after.step_events_slice("history")["start"] == ""
 
 
 def test_undated_scene_gets_a_history_of_its_own(accept):
@@ -127,14 +127,14 @@ def test_a_step_that_mines_nothing_is_legal(accept):
 def test_loads_and_strains_reach_the_slices_of_their_steps_and_later_ones_alone(accept):
     """Directed force in newton and metres, strain by Voigt order; a slice without strains is what it was before."""
     mine = accept(TINY, loads=[DIRECTED], strains=[STRAIN])
-    early, late = mine.scene_slice(0), mine.scene_slice(1)
+    early, late = mine.mechanics_slice(0), mine.mechanics_slice(1)
     assert early["loads"] == []
     assert "strains" not in early
     assert late["strains"] == [{"name": "press", "since": 1, "strain": [0.0, 0.0, -1e-4, 0.0, 0.0, 0.0]}]
     load = late["loads"][0]
     assert (load["force"], load["toward"]) == (1e6, [40.0, 40.0, 40.0])
     assert set(load["shape"]) == {"shape", "lower", "upper"}
-    assert accept(TINY).scene_slice(1) == {key: late[key] for key in late if key != "strains"} | {"loads": []}
+    assert accept(TINY).mechanics_slice(1) == {key: late[key] for key in late if key != "strains"} | {"loads": []}
 
 
 def test_the_outside_of_a_shape_is_another_grid(accept):

@@ -193,7 +193,7 @@ def compute(mine: Mine, variant: Variant) -> list[xr.Dataset]:
 def describe(states: list[xr.Dataset], mine: Mine) -> Run:
     """Run of these states."""
     last = states[-1]
-    events = extract_events(last, mine.event_slice())[0]
+    events = extract_events(last, mine.catalogue_slice())[0]
     return Run(
         potency=float(potency(last.seismic_strain.values, last.volume.values).sum()),
         failed_volume=float(last.attrs["failed_volume"]),

@@ -45,7 +45,7 @@ def case_slice(trials: CalibrationTrials, case: str) -> dict:
         sys.exit(f"{FILE.relative_to(BASE)}: {case}: {error}")
     mine = mine.coarser() if trials.settings.cells == DOUBLED else mine
     run = mine.member(MEMBER)
-    return run.run_slices() | {"grid": mine.grid_slice(), "elastic": mine.scene_slice(0)}
+    return run.run_slices() | {"grid": mine.grid_slice(), "elastic": mine.mechanics_slice(0)}
 
 
 def truths(trials: CalibrationTrials) -> dict[str, list[float]]:

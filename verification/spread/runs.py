@@ -122,7 +122,9 @@ def _read(variant: Variant, label: str, member: int = 0) -> Catalogue:
 def _with_closeness(variant: Variant, closeness: float) -> Catalogue:
     """The rock of a variant's own run, its events counted at another closeness."""
     step = variant.step_names[-1]
-    events = extract_events(variant.read(f"steps/{step}.nc"), variant.mine.event_slice(step) | {"closeness": closeness})
+    events = extract_events(
+        variant.read(f"steps/{step}.nc"), variant.mine.step_events_slice(step) | {"closeness": closeness}
+    )
     return catalogue(f"{closeness:g}", events[0], _settings(variant))
 
 

@@ -59,7 +59,7 @@ def _events_of(state: Path, settings: dict):
         raise InputError(f"{state}: {error}") from error
 
 
-@stage("seismic", "catalogs", settings=lambda mine, wildcards: mine.event_slice())
+@stage("seismic", "catalogs", settings=lambda mine, wildcards: mine.catalogue_slice())
 def catalogue(job: Job) -> None:
     """The catalogue as a table and as QuakeML, and sizes of events at several values of closeness"""
 

@@ -24,7 +24,7 @@ def grid(job: Job) -> None:
     write_dataset(make_grid(job.settings, job.record()), job.output())
 
 
-@stage("mpm_core", settings=lambda mine, wildcards: mine.scene_slice(0))
+@stage("mpm_core", settings=lambda mine, wildcards: mine.mechanics_slice(0))
 def elastic(job: Job) -> None:
     """elastic equilibrium of everything mined in history"""
     _solve(job)

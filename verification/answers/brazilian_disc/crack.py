@@ -161,7 +161,7 @@ class Crack(Generic[Loaded]):
         chosen = np.zeros(len(self.failed), bool)
         chosen[np.flatnonzero(self.failed)[(self.rank > after) & (self.rank <= until)]] = True
         kept = {name: self.state[name].where(xr.DataArray(chosen, dims="particle"), 0.0) for name in STRAINS}
-        return extract_events(self.state.assign(kept), self.disc.variant.mine.event_slice())[0]
+        return extract_events(self.state.assign(kept), self.disc.variant.mine.catalogue_slice())[0]
 
     def events(self) -> xr.Dataset:
         """Events of the whole step, as the pipeline has them."""
