@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from common.errors import InputError
 from mpm_core.settings import MAX_LEVELS
-from workflow.plan import Plan
+from workflow.mine_configuration import MineConfiguration
 
 LOOSE_TOLERANCE_MISS = {
     "tolerance": 1e-2,
@@ -30,7 +30,7 @@ DRAFT, STANDARD, FINE = "draft", "standard", "fine"
 PRESETS = {DRAFT: Accuracy(-1, 3.0, 2.0), STANDARD: Accuracy(0, 1.0, 1.0), FINE: Accuracy(1, 1.0, 0.5)}
 
 
-def apply_accuracy(mine: Plan) -> None:
+def apply_accuracy(mine: MineConfiguration) -> None:
     """Change cells and solver of a mine, its grid complete. Raises InputError where cells cannot."""
     name, grid, solver = mine.settings.accuracy, mine.settings.grid, mine.settings.solver
     preset = PRESETS[name]

@@ -2,10 +2,10 @@
 
 from catalogs.records.elk_creek_reader import data_folder
 from catalogs.settings import FacePosition, FaceSettings, by_panel
-from workflow.plan import Plan
+from workflow.mine_configuration import MineConfiguration
 
 
-def face_positions(mine: Plan) -> list[dict]:
+def face_positions(mine: MineConfiguration) -> list[dict]:
     """Positions of the panels that begin before the last dated step ends, as plain values; empty without a face.
 
     Raises InputError for data that cannot be read, or hold positions that the mine file could not.
@@ -19,7 +19,7 @@ def face_positions(mine: Plan) -> list[dict]:
     return [position.given() for panel in begun for position in panel]
 
 
-def _elk_creek(mine: Plan, settings: FaceSettings) -> tuple[FacePosition, ...]:
+def _elk_creek(mine: MineConfiguration, settings: FaceSettings) -> tuple[FacePosition, ...]:
     """Dated by the local day, which counts here as one of UTC: the face is wrong by what it advances in some hours."""
     import pandas as pd  # here, and the reader of drawings and tables: they take seconds
 

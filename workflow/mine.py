@@ -10,8 +10,8 @@ from common.voigt import NAMES
 from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION
 from mpm_core.settings import ShapeSettings, SolidSettings
 from workflow.face_positions import face_positions
+from workflow.mine_configuration import MineConfiguration
 from workflow.mine_settings import BoundaryStrain, Excavation, Load
-from workflow.plan import Plan
 
 GRID_KEYS = {"coarse_cell", "levels", "buffer_cells", "cut_cells", "volume_error"}
 SHAPE_KEYS = set(ShapeSettings.model_fields)
@@ -28,8 +28,8 @@ def in_voigt_order(components: Settings | None) -> list[float]:
     return [given.get(name, 0.0) for name in NAMES]
 
 
-class Mine(Plan):
-    """A mine's plan, and its slices."""
+class Mine(MineConfiguration):
+    """A mine's configuration, and its slices."""
 
     def grid_slice(self) -> dict:
         """Settings of stage `grid`: shapes, cells, the domain; no material, and of steps what the first one mines."""

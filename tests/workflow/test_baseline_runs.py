@@ -8,9 +8,9 @@ import xarray as xr
 from tiny_mines import FLAT, TINY, changed, edited, hashes, merged, snakemake, write_mine
 
 from baselines.settings import BaselineReportSlice, FlawSlice, StressSlice
-from workflow.baseline_plans import BaselinePlan
 from workflow.configuration import load
 from workflow.folders import Folders
+from workflow.mine_baselines import MineBaselines
 
 FACE = {
     "positions": [
@@ -29,10 +29,10 @@ HOEK_BROWN = {
 }
 
 
-def plan_of(mine: dict, tmp_path) -> BaselinePlan:
+def baselines_of(mine: dict, tmp_path) -> MineBaselines:
     """What a mine's file asks for."""
     file = write_mine(mine, tmp_path / "mine.yaml")
-    return BaselinePlan(load(merged(mine), file), file)
+    return MineBaselines(load(merged(mine), file), file)
 
 
 def test_rock_of_the_variant_does_not_fail_and_all_else_is_the_mines(accept):
@@ -54,37 +54,37 @@ def test_rock_of_the_variant_does_not_fail_and_all_else_is_the_mines(accept):
 
 def test_what_stages_are_given_follows_from_the_mine_file(tmp_path):
     """Strength of failed rock and radii by cells where nothing is given; the record's box; states in order."""
-    plan = plan_of(TINY, tmp_path)
-    flaws = FlawSlice.of(plan.flaws_slice())
+    mine_baselines = baselines_of(TINY, tmp_path)
+    flaws = FlawSlice.of(mine_baselines.flaws_slice())
     assert flaws.strength["host"].given() == {"friction_angle": 20.0, "cohesion": 0.5e6}
     assert flaws.radii == (2.5, 30.0)
     assert flaws.lower is None
-    assert [path.removeprefix("results/tiny/elastic_rock/") for path in plan.states()] == [
+    assert [path.removeprefix("results/tiny/elastic_rock/") for path in mine_baselines.states()] == [
         "elastic.nc",
         "steps/history.nc",
         "steps/2019-08.nc",
     ]
-    assert BaselineReportSlice.of(plan.report_slice()).planned == ("stope_2",)
+    assert BaselineReportSlice.of(mine_baselines.report_slice()).planned == ("stope_2",)
     given = {
         "baselines": {"radii": ["1 m", "9 m"], "friction_angle": "25 deg", "cohesion": "0 MPa", "exponent": 2.5},
         "record.filter": {"lower": ["10 m", "10 m", "10 m"], "upper": ["70 m", "70 m", "70 m"]},
         "ensemble": 2,
     }
-    plan = plan_of(changed(TINY, **given), tmp_path)
-    flaws = FlawSlice.of(plan.flaws_slice())
+    mine_baselines = baselines_of(changed(TINY, **given), tmp_path)
+    flaws = FlawSlice.of(mine_baselines.flaws_slice())
     assert flaws.strength["host"].given() == {"friction_angle": 25.0, "cohesion": 0.0}
     assert (flaws.radii, flaws.exponent, flaws.upper) == ((1.0, 9.0), 2.5, (70.0, 70.0, 70.0))
-    assert StressSlice.of(plan.excess_shear_slice()).strength == flaws.strength
-    assert "members" not in plan.report_slice()["comparison"]
+    assert StressSlice.of(mine_baselines.excess_shear_slice()).strength == flaws.strength
+    assert "members" not in mine_baselines.report_slice()["comparison"]
 
 
 def test_a_rock_without_friction_angle_needs_one(tmp_path):
     """Hoek-Brown's curve has none; with both keys it has flaws all the same."""
     mine = changed(TINY, **{"materials.host": HOEK_BROWN})
     with pytest.raises(SystemExit, match=r"baselines\.friction_angle: missing key.*materials\.host.*hoek_brown"):
-        plan_of(mine, tmp_path).flaws_slice()
+        baselines_of(mine, tmp_path).flaws_slice()
     given = changed(mine, baselines={"friction_angle": "30 deg", "cohesion": "1 MPa"})
-    assert plan_of(given, tmp_path).strength == {"host": {"friction_angle": 30.0, "cohesion": 1e6}}
+    assert baselines_of(given, tmp_path).strength == {"host": {"friction_angle": 30.0, "cohesion": 1e6}}
 
 
 @pytest.mark.parametrize(
@@ -97,32 +97,32 @@ def test_a_rock_without_friction_angle_needs_one(tmp_path):
 )
 def test_mines_without_baselines_are_refused(mine, problem, tmp_path):
     """In one line, when their states or strengths are asked for."""
-    plan = plan_of(mine, tmp_path)
+    mine_baselines = baselines_of(mine, tmp_path)
     with pytest.raises(SystemExit, match=problem) as refused:
-        assert [plan.states(), plan.flaws_slice()]
+        assert [mine_baselines.states(), mine_baselines.flaws_slice()]
     assert "\n" not in str(refused.value)
 
 
 def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     """With all other filters, in the box that maps are compared in: that of the record within the domain."""
-    plan = plan_of(TINY, tmp_path)
-    assert plan.earlier_record() == "results/tiny/record.nc"
+    mine_baselines = baselines_of(TINY, tmp_path)
+    assert mine_baselines.earlier_record() == "results/tiny/record.nc"
     domain = TINY["domain"]
-    assert plan.report_slice()["box"] == [
+    assert mine_baselines.report_slice()["box"] == [
         [float(end.split()[0]) for end in domain[key][:2]] for key in ("lower", "upper")
     ]
     given = {
         "record.filter": {"lower": ["10 m", "-1 km", "10 m"], "start": "2019-08-05", "end": "2019-08-20"},
         "baselines": {"since": "2019-07-01"},
     }
-    plan = plan_of(changed(TINY, **given), tmp_path)
-    assert plan.earlier_record() == "results/tiny/baselines/record.nc"
-    slice_ = plan.earlier_record_slice()
+    mine_baselines = baselines_of(changed(TINY, **given), tmp_path)
+    assert mine_baselines.earlier_record() == "results/tiny/baselines/record.nc"
+    slice_ = mine_baselines.earlier_record_slice()
     assert slice_["period"] == {"start": "2019-07-01", "end": "2019-09-01"}
     assert slice_["filter"] == {"lower": [10.0, -1000.0, 10.0], "end": "2019-08-20"}
-    assert plan.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
-    assert plan.report_slice()["since"] == "2019-07-01"
-    late = plan_of(changed(TINY, baselines={"since": "2019-08-02"}), tmp_path)
+    assert mine_baselines.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
+    assert mine_baselines.report_slice()["since"] == "2019-07-01"
+    late = baselines_of(changed(TINY, baselines={"since": "2019-08-02"}), tmp_path)
     with pytest.raises(SystemExit, match=r"baselines\.since: 2019-08-02 is after the first dated step begins"):
         late.earlier_record_slice()
 

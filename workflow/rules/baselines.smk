@@ -1,8 +1,8 @@
 """Baselines beside the model, on request: `snakemake baselines`."""
 
-from workflow.baseline_plans import BaselinePlan
+from workflow.mine_baselines import MineBaselines
 
-BASELINE_PLAN = BaselinePlan(MINE, MINE_FILE)
+MINE_BASELINES = MineBaselines(MINE, MINE_FILE)
 BASELINE_RESULTS, BASELINE_LOGS = f"results/{MINE.name}/{BASELINES}", f"{OWN_LOGS}/{BASELINES}"
 
 
@@ -11,8 +11,8 @@ rule flaws:
     input:
         **INPUTS.of(
             "flaws",
-            settings=lambda wildcards: BASELINE_PLAN.flaws_slice(),
-            states=lambda wildcards: BASELINE_PLAN.states(),
+            settings=lambda wildcards: MINE_BASELINES.flaws_slice(),
+            states=lambda wildcards: MINE_BASELINES.states(),
             record=FILES.own("record.nc"),
             comparison=FILES.own("comparison.nc"),
         ),
@@ -36,8 +36,8 @@ rule excess_shear:
     input:
         **INPUTS.of(
             "excess_shear",
-            settings=lambda wildcards: BASELINE_PLAN.excess_shear_slice(),
-            states=lambda wildcards: BASELINE_PLAN.states(),
+            settings=lambda wildcards: MINE_BASELINES.excess_shear_slice(),
+            states=lambda wildcards: MINE_BASELINES.states(),
             record=FILES.own("record.nc"),
             comparison=FILES.own("comparison.nc"),
         ),
@@ -61,7 +61,7 @@ if MINE.settings.baselines.since is not None:
     rule earlier_record:
         """The record from an earlier date on, for maps and rates of earlier months."""
         input:
-            **INPUTS.of("earlier_record", settings=lambda wildcards: BASELINE_PLAN.earlier_record_slice()),
+            **INPUTS.of("earlier_record", settings=lambda wildcards: MINE_BASELINES.earlier_record_slice()),
         output:
             f"{BASELINE_RESULTS}/record.nc",
         log:
@@ -81,13 +81,13 @@ rule baselines:
     input:
         **INPUTS.of(
             "baselines",
-            settings=lambda wildcards: BASELINE_PLAN.report_slice(),
+            settings=lambda wildcards: MINE_BASELINES.report_slice(),
             flaws=f"{BASELINE_RESULTS}/flaws_runs.nc",
             excess_shear=f"{BASELINE_RESULTS}/excess_shear_runs.nc",
             grid=FILES.own("grid.nc"),
             catalog=FILES.own("catalog.nc"),
             record=FILES.own("record.nc"),
-            earlier=BASELINE_PLAN.earlier_record(),
+            earlier=MINE_BASELINES.earlier_record(),
             comparison=FILES.own("comparison.nc"),
             members=FILES.member_events(),
         ),

@@ -15,8 +15,8 @@ SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 6.0  # radii of flaws over the edge of th
 STRENGTH = ("friction_angle", "cohesion")
 
 
-class BaselinePlan:
-    """What the rules of the baselines ask of a mine.
+class MineBaselines:
+    """States and slices of the baselines of a mine.
 
     Nothing is looked at before a rule asks for it. A mine that can have no baselines ends the run in one line.
     """

@@ -17,8 +17,18 @@ BUFFER_CELLS_IN_ELASTIC_ROCK = 4  # Rings of cells around openings that stress b
 
 
 @dataclass
-class Plan:
-    """A configuration in SI units (`settings`) and as written (`text`, `default`); paths are relative to `folder`."""
+class MineConfiguration:
+    """A configuration in SI units (`settings`) and as written (`text`, `default`); paths are relative to `folder`.
+
+    Four lists hold its steps in order:
+
+    | name | holds |
+    |---|---|
+    | `listed_steps` | steps that the mine file or its source of excavations lists |
+    | `steps` | the same, after an implicit step `history` if no listed one is undated; `step_index` counts these |
+    | `mined_steps` | names of `steps`; none where no step is listed: only elastic.nc is computed then |
+    | `dated_steps` | names of the listed steps with dates, whose events enter the catalogue |
+    """
 
     settings: MineSettings
     text: dict
@@ -142,12 +152,12 @@ class Plan:
 
     @property
     def mined_steps(self) -> list[str]:
-        """Names of the steps that the configuration lists, in order; without any the scene stops at elastic.nc."""
+        """Names of all steps in order, the implicit history among them; empty if none is listed."""
         return [step.name for step in self.steps] if self.listed_steps else []
 
     @property
     def dated_steps(self) -> list[str]:
-        """Names of the steps whose events enter the catalogue."""
+        """Names of the steps whose events enter the catalogue: those with dates."""
         return [step.name for step in self.listed_steps if step.is_dated]
 
     @property
