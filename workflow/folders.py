@@ -2,6 +2,12 @@
 
 A run is the mine's own, its coarse companion, it in elastic rock, a member of its ensemble, or one in rock that a
 calibration has drawn. The verification adds mines of its own (`Folders.add`): the variants of its studies.
+
+Three words stand for folders below `results` in the modules that rules use:
+
+- `place`: the folder of a whole mine, `demo` or `demo/plans/late`. It is also that of the mine's own run.
+- `folder`: the folder of a run, `demo` or `demo/ensemble/2`. The wildcard `mine` of the rules is one.
+- `home`: the folder of the run in which a result of a `folder` stands: members and plans share results with others.
 """
 
 import functools
@@ -18,7 +24,7 @@ ALL_CORES = 64
 
 
 class OtherMines(Protocol):
-    """Mines other than the run's own."""
+    """Mines other than that of the mine file."""
 
     pattern: str  # of their folders below results, a regular expression
 

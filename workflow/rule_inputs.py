@@ -27,29 +27,29 @@ class RuleInputs:
         stage: str,
         part: str = "",
         settings: Callable[[Wildcards], dict] | None = None,
-        folder: str = "",
         **reads: Given,
     ) -> dict[str, Given]:
         """Inputs of the rule of a stage: `job`, the file that says all that the stage depends on, and what it reads.
 
         part: of a stage with several jobs in a folder, by wildcards ("{step}"). settings: those of a stage that
-        declares none itself. folder: of results, by wildcards; else that of the wildcard `mine`, or of the run's own
-        mine. reads: paths, or functions of wildcards, by name; an empty list: the scene has none.
+        declares none itself. reads: paths, or functions of wildcards, by name; an empty list: the scene has none.
+        The job's file stands in the folder of the wildcard `mine`, else in that of the run's own mine.
         """
 
         @functools.cache
         def written(wildcards: tuple[tuple[str, str], ...], inputs: tuple[tuple[str, tuple[str, ...]], ...]) -> str:
             known = dict(wildcards)
-            place = folder.format(**known) or known.get("mine", self.own)
+            folder = known.get("mine", self.own)
             declared = stages()[stage]
             if settings is not None:
                 values = settings(Wildcards(fromdict=known))
             else:
                 assert declared.settings_of is not None, f"the rule of {stage} gives its settings"
-                values = declared.settings_of(self.folders.mine_at(place), known)
+                values = declared.settings_of(self.folders.mine_at(folder), known)
             paths = {name: list(found) for name, found in inputs if found}
             try:
-                return write_job(f"results/{place}", stage, part.format(**known), values, paths, declared.source_hash())
+                code = declared.source_hash()
+                return write_job(f"results/{folder}", stage, part.format(**known), values, paths, code)
             except InputError as error:
                 sys.exit(str(error))
 

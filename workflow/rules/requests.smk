@@ -29,7 +29,6 @@ rule vtk:
             "vtk",
             "{stage}",
             settings=lambda wildcards: {"state": f"results/{wildcards.mine}/{wildcards.stage}.nc"},
-            folder="{mine}",
             grid=FILES.grid_of_any,
             made=FILES.made_by("{stage}"),
         ),
@@ -57,7 +56,6 @@ rule vtk_events:
             "vtk_events",
             "{catalog}",
             settings=lambda wildcards: {"events": f"results/{wildcards.mine}/{wildcards.catalog}.nc"},
-            folder="{mine}",
             made=FILES.made_by("{catalog}"),
         ),
     output:
