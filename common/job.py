@@ -30,7 +30,12 @@ REMEDY = "jobs stand in results/<mine>/jobs; the next run writes deleted ones ag
 @dataclass(frozen=True)
 class Job:
     """A stage's settings (plain values, SI), the paths that it reads by name, the paths that it writes, its threads,
-    and the folder of the logs of the mine's stages."""
+    and the folder of the logs of the mine's stages.
+
+    Some stages read files whose paths their settings hold: plan_outcome, whose runs are groups of files, vtk and
+    vtk_events, whose file may be one of a folder that a rule makes as a whole. Their inputs then name what Snakemake
+    has to make first; the provenance follows from these, too.
+    """
 
     stage: str
     settings: dict
@@ -62,7 +67,7 @@ class Job:
         """Whether one of the paths written has this file name."""
         return any(path.name == name for path in self.outputs)
 
-    def record(self) -> dict[str, str]:
+    def provenance(self) -> dict[str, str]:
         """Attributes of every dataset that the job writes: what it was made from.
 
         config_hash: of the settings; source_hash: of the code; made_from: of these, of the content of the user's files,

@@ -175,7 +175,7 @@ def test_the_stage_of_the_events_end_to_end(planes, make_scattered_step, make_se
     assert "potency budget" in (tmp_path / "events.log").read_text()
 
     events, _ = extract_events(step, make_settings() | dates)
-    made = read_job(done.args[3]).record()
+    made = read_job(done.args[3]).provenance()
     write_events(events.assign_attrs(made), tmp_path / "here_events.nc")
     catalog = merge([read_events(tmp_path / "here_events.nc")])
     write_events(catalog.assign_attrs(made), tmp_path / "here_catalog.nc")

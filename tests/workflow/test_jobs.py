@@ -160,7 +160,7 @@ def test_the_digest_follows_settings_code_inputs_and_files(tmp_path):
 
     def made(values: dict, code: str = "code", inputs: tuple[Path, ...] = (before,), stage: str = "grid") -> str:
         job = read_job(write_job(tmp_path, stage, "", values, {"state": [str(path) for path in inputs]}, code))
-        return job.record()[MADE_FROM]
+        return job.provenance()[MADE_FROM]
 
     first = made(settings_)
     assert made(settings_ | {"levels": 3}) != first
@@ -205,8 +205,8 @@ def test_what_cannot_be_read_says_nothing(tmp_path):
     for name, content in (("a.nc", b"no netCDF"), ("b.nc", b""), ("c.html", b"<html></html>")):
         (tmp_path / name).write_bytes(content)
         names.append(str(tmp_path / name))
-    alone = Job("grid", {}, {}, "code", {}).record()
-    assert Job("grid", {}, {"state": [*names, str(tmp_path / "missing.nc")]}, "code", {}).record() == alone
+    alone = Job("grid", {}, {}, "code", {}).provenance()
+    assert Job("grid", {}, {"state": [*names, str(tmp_path / "missing.nc")]}, "code", {}).provenance() == alone
 
 
 # ---- the table of stages ----

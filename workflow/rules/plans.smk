@@ -17,6 +17,7 @@ rule plan_outcome:
             "{plan}",
             settings=lambda wildcards: OUTCOMES.outcome_slice(wildcards.plan),
             grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
+            # for order and provenance: the stage takes the files of each run from its settings, `runs`
             results=lambda wildcards: OUTCOMES.results(wildcards.plan),
             record=FILES.if_recorded("record.nc"),
             comparison=FILES.if_recorded("comparison.nc"),

@@ -30,7 +30,7 @@ rule vtk:
             "{stage}",
             settings=lambda wildcards: {"state": f"results/{wildcards.mine}/{wildcards.stage}.nc"},
             grid=FILES.grid_of_any,
-            made=FILES.made_by("{stage}"),
+            made=FILES.made_by("{stage}"),  # for order and provenance: the stage reads `state` of its settings
         ),
     output:
         f"{RESULTS}/vtk/{{stage}}.vtu",
@@ -56,7 +56,7 @@ rule vtk_events:
             "vtk_events",
             "{catalog}",
             settings=lambda wildcards: {"events": f"results/{wildcards.mine}/{wildcards.catalog}.nc"},
-            made=FILES.made_by("{catalog}"),
+            made=FILES.made_by("{catalog}"),  # for order and provenance: the stage reads `events` of its settings
         ),
     output:
         f"{RESULTS}/vtk/{{catalog}}.vtu",

@@ -29,8 +29,8 @@ def _draw(job: Job, runs_of: Callable[..., Sequence]) -> None:
 
     runs = runs_of(job.settings, job.paths("states"), job.input("record"), job.input("comparison"))
     catalog, together = job.outputs
-    write_events(runs[0].assign_attrs(job.record()), catalog)
-    write_events(join_runs(runs).assign_attrs(job.record()), together)
+    write_events(runs[0].assign_attrs(job.provenance()), catalog)
+    write_events(join_runs(runs).assign_attrs(job.provenance()), together)
 
 
 @stage("catalogs", modules=("workflow.stages.catalogue",))

@@ -14,14 +14,14 @@ def trial(job: Job) -> None:
 
     use_threads(job.threads)
     by_step: dict[str, list] = {}
-    for name, dataset, _ in run_stages(job.settings, job.output().with_suffix(".failed.nc")):
+    for name, dataset, _ in run_stages(job.settings, job.output().with_suffix(".failed.npz")):
         if name.startswith("events/"):
             by_step.setdefault(name, []).append(dataset)
     # One catalogue for each setting of the extraction; the potency of undated steps came before the record.
     before = sum(float(sets[0].potency.sum()) for sets in by_step.values() if not sets[0].attrs["dated"])
     catalogues = [merge(list(sets)) for sets in zip(*by_step.values(), strict=True)]
     made = join_extractions(catalogues).assign_attrs(potency_before_record=before)
-    write_events(made.assign_attrs(job.record()), job.output())
+    write_events(made.assign_attrs(job.provenance()), job.output())
 
 
 @stage("calibration")

@@ -16,7 +16,7 @@ def record(job: Job) -> None:
     from common.event_table import write_events
 
     frame = {"frame": json.dumps(job.settings["frame"])} if job.settings.get("frame") else {}
-    write_events(read_record(job.settings).assign_attrs(frame | job.record()), job.output())
+    write_events(read_record(job.settings).assign_attrs(frame | job.provenance()), job.output())
 
 
 @stage("seismic", settings=lambda mine, wildcards: mine.events_slice())
@@ -26,7 +26,7 @@ def events(job: Job) -> None:
     from common.processes import call_all
     from seismic.catalog import merge
 
-    folder, record = job.output("events"), job.record()
+    folder, provenance = job.output("events"), job.provenance()
     folder.mkdir(parents=True, exist_ok=True)
     steps = {one["name"]: one for one in job.settings["steps"]}
     files = {name: folder / f"{name}.nc" for name in steps}
@@ -34,13 +34,13 @@ def events(job: Job) -> None:
 
     def extract(name: str) -> None:
         extracted = _events_of(states[name], job.settings["seismic"] | steps[name]["dates"])
-        write_events(extracted.assign_attrs(record), files[name])
+        write_events(extracted.assign_attrs(provenance), files[name])
 
     call_all({name: partial(extract, name) for name in steps}, job.threads)
     dated = [name for name in steps if steps[name]["dates"]["start"]]
     merged = merge([read_events(files[name]) for name in dated or steps])
     logging.info("catalogue of %d events, %d resolved", merged.sizes["event"], int(merged["resolved"].sum()))
-    write_events(merged.assign_attrs(record), job.output("catalog.nc"))
+    write_events(merged.assign_attrs(provenance), job.output("catalog.nc"))
 
 
 def _events_of(state: Path, settings: dict):
@@ -77,4 +77,4 @@ def catalogue(job: Job) -> None:
         write_quakeml(catalog, job.output("catalog.xml"))
     states = (read_dataset(path, {*ROCK_VARIABLES, *PLACE_VARIABLES}) for path in job.paths("steps"))
     sizes = sizes_by_closeness(states, EventSettings.of(job.settings, "seismic"))
-    write_dataset(sizes.assign_attrs(job.record()), job.output("closeness.nc"))
+    write_dataset(sizes.assign_attrs(job.provenance()), job.output("closeness.nc"))

@@ -36,7 +36,7 @@ def comparison(job: Job) -> None:
     }
     for name, dataset in found.items():
         if dataset is not None:
-            write_dataset(dataset.assign_attrs(job.record()), job.output(name))
+            write_dataset(dataset.assign_attrs(job.provenance()), job.output(name))
 
 
 def _with_record(job: Job, catalog):

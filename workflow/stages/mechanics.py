@@ -21,7 +21,7 @@ def grid(job: Job) -> None:
 
     compile_for_grid(job.settings.get("plane"), job.threads)
     use_threads(job.threads)
-    write_dataset(make_grid(job.settings, job.record()), job.output())
+    write_dataset(make_grid(job.settings, job.provenance()), job.output())
 
 
 @stage("mpm_core", settings=lambda mine, wildcards: mine.mechanics_slice(0))
@@ -45,7 +45,7 @@ def _solve(job: Job) -> None:
     from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
     from mpm_core.stages.first_kernels import compile_for_scene
 
-    record, scene, output = job.record(), parse_scene(job.settings), job.output()
+    provenance, scene, output = job.provenance(), parse_scene(job.settings), job.output()
     compile_for_scene(job.stage, scene, job.threads)
     use_threads(job.threads)
     failed_state = output.with_suffix(".failed.npz")
@@ -56,11 +56,11 @@ def _solve(job: Job) -> None:
         else:
             state = job.input("state")
             before = files.enter_context(open_dataset(state))
-            checkpoint = Checkpoint(output.with_suffix(".checkpoint.npz"), key_of(record, job.input("grid"), state))
+            checkpoint = Checkpoint(output.with_suffix(".checkpoint.npz"), key_of(provenance, job.input("grid"), state))
             dataset, facts = mining_step(scene, cells, before, failed_state, checkpoint)
     for name, value in facts.items():
         logging.info("%s: %s", name, value)
-    dataset.attrs |= record
+    dataset.attrs |= provenance
     write_dataset(dataset, output)
 
 
@@ -84,14 +84,14 @@ def companion(job: Job) -> None:
     from workflow.run_mine import run_stages
 
     use_threads(job.threads)
-    record, folder, events = job.record(), job.output("grid.nc").parent, []
+    provenance, folder, events = job.provenance(), job.output("grid.nc").parent, []
     for name, dataset, _ in run_stages(job.settings, folder.with_suffix(".failed.npz")):
         if name.startswith("events/"):
             events.append(dataset)
-            write_events(dataset.assign_attrs(record), folder / f"{name}.nc")
+            write_events(dataset.assign_attrs(provenance), folder / f"{name}.nc")
         else:
-            write_dataset(dataset.assign_attrs(record), folder / f"{name}.nc")
+            write_dataset(dataset.assign_attrs(provenance), folder / f"{name}.nc")
         logging.info("%s is done", name)
     catalog = merge(events)
-    write_events(catalog.assign_attrs(record), folder / "catalog.nc")
+    write_events(catalog.assign_attrs(provenance), folder / "catalog.nc")
     write_csv(catalog, folder / "catalog.csv")

@@ -16,7 +16,7 @@ def plan_outcome(job: Job) -> None:
 
     files = {name: job.input_if_any(name) for name in ("record", "comparison")}
     found = outcome_stage(job.settings, grid=job.input("grid"), **files)
-    write_dataset(found.assign_attrs(job.record()), job.output())
+    write_dataset(found.assign_attrs(job.provenance()), job.output())
     _keep(job)
 
 
@@ -27,7 +27,7 @@ def _keep(job: Job) -> None:
     anew. The copy's name holds the date and what the outcome was made from. No rule writes or removes it.
     """
     folder = job.output().parents[2] / FORECASTS
-    made = job.record()[MADE_FROM]
+    made = job.provenance()[MADE_FROM]
     if not list(folder.glob(f"*_{job.settings['plan']}_{made}.nc")):
         folder.mkdir(parents=True, exist_ok=True)
         part = folder / f".{made}.part"
