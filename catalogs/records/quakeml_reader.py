@@ -86,12 +86,12 @@ def read(settings: RecordSlice) -> xr.Dataset:
     conversion is stated; of several the preferred one, else the first. Events that are no seismicity
     (catalogs.records.filters) and those without a time, a place or a size are left out and counted, and so is
     one whose publicID is there before. Depth is in m, unless settings.units says otherwise. Location errors that
-    origins state are kept (catalogs.sources.quakeml). A file written by catalogs.sources.quakeml keeps its x, y,
+    origins state are kept (catalogs.records.quakeml_events). A file written by catalogs.sources.quakeml keeps its x, y,
     z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe, magnitudes of
     other types, sizes that no event has, and what is no QuakeML.
     """
+    from catalogs.records.quakeml_events import own_catalog, parse_quakeml, quakeml_bytes
     from catalogs.records.quakeml_forms import plain_quakeml
-    from catalogs.sources.quakeml import own_catalog, parse_quakeml, quakeml_bytes
 
     path = Path(settings.file)
     content, words = plain_quakeml(quakeml_bytes(path), path)
@@ -153,8 +153,8 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
 
 def _foreign(events: "Catalog", origins: "list[Origin | None]", settings: RecordSlice, path: Path) -> xr.Dataset:
     """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
+    from catalogs.records.quakeml_events import location_uncertainty, moment_tensor
     from catalogs.sources.geographic_frame import MineFrame
-    from catalogs.sources.quakeml import location_uncertainty, moment_tensor
 
     time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
     lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).reshape(-1, 2).T

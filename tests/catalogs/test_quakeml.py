@@ -15,9 +15,10 @@ from scipy.stats import chi2, norm
 
 from catalogs.compare.locations import location_errors
 from catalogs.records import read_record
+from catalogs.records.quakeml_events import location_uncertainty, own_catalog
 from catalogs.sources.geographic_frame import MineFrame
 from catalogs.sources.mechanisms import axis_from_trend_plunge
-from catalogs.sources.quakeml import location_uncertainty, own_catalog, write_quakeml
+from catalogs.sources.quakeml import write_quakeml
 from catalogs.sources.sizes import estimate_b
 from common.errors import InputError
 from common.event_table import NAMES, new_catalog, write_events
