@@ -103,7 +103,7 @@ class ColumnSettings(Settings):
     time_uncertainty: str = None
     """Column of the uncertainty of the time (s)."""
     step: str = None
-    """Column of the step to which the event belongs."""
+    """Column of the step to which the event belongs. It is kept with the event. Comparison and report use the time."""
     event_type: str = None
     """Column of the event type. Events that are not seismic (quarry blast, explosion, noise, not existing) are left
     out; see record.filter.keep."""

@@ -44,10 +44,13 @@ class OpeningRow:
 def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDArray]:
     """Index of the nearest opening that is mined in an event's step or before, (event,), and its distance, m.
 
-    A modelled event has its step, a recorded one the step within whose dates it lies. -1 where no step is.
+    A modelled event has its step. A recorded one has the step within whose dates it lies, as in the comparison,
+    whatever a column of steps says. -1 where no step is.
     """
     order = {step["step"]: place for place, step in enumerate(evidence.steps)}
-    own = np.array([order.get(str(name), -1) for name in events["step"].values], int)
+    own = np.full(events.sizes["event"], -1)
+    if events.attrs["kind"] == "synthetic":
+        own = np.array([order.get(str(name), -1) for name in events["step"].values], int)
     for step in evidence.dated:
         start, end = window(step)
         time = events["time"].values

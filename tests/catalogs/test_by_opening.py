@@ -47,6 +47,14 @@ def test_no_event_is_given_to_an_opening_that_is_mined_later(evidence):
         assert (distance[found >= 0] >= 0.0).all()
 
 
+def test_the_step_of_a_recorded_event_is_that_of_its_time(evidence):
+    """As in the comparison, whatever a column of its file says."""
+    named = evidence.record.copy()
+    named["step"] = ("event", np.full(named.sizes["event"], "2019-09", dtype=object))
+    for one, other in zip(nearest_mined(evidence, evidence.record), nearest_mined(evidence, named), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 def test_only_events_that_count_are_counted(evidence):
     """None of the record, half of the model."""
     half = np.arange(evidence.resolved.sizes["event"]) % 2 == 0

@@ -259,7 +259,7 @@ def _packed_surface(cells: CellSet, centre: NDArray) -> dict:
 
 
 def event_steps(evidence: Evidence, catalog: xr.Dataset) -> NDArray:
-    """Number of the step of each event (event,); -1 where it lies in none. A record names none: its times decide."""
+    """Number of the step of each event (event,); -1 where it lies in none. A recorded event's time decides."""
     place = step_places(evidence)
     if catalog.attrs["kind"] == "synthetic":
         return np.array([place.get(str(name), -1) for name in catalog["step"].values], np.int64)
