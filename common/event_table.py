@@ -19,6 +19,7 @@ from common.fields import FILE_REMEDY, TEXT, Field
 CATALOG_KINDS = ("synthetic", "recorded", "twin")
 DIMENSION_SIZES = {"xyz": 3, "axis": 3}
 REQUIRED_ATTRIBUTES = ("mine", "kind")
+UNDATED = {"start": "", "end": "", "dated": 0}  # Attributes of the events of a step without dates.
 MISSING_VALUES = {"f": np.nan, "i": -1, "M": np.datetime64("NaT", "ns"), TEXT.kind: ""}
 TIME_ENCODING = {  # xarray would choose the unit by the values, and one that may be coarser
     "units": "nanoseconds since 1970-01-01",
@@ -53,7 +54,13 @@ FIELDS = (
     _field("particles", "event", "i4", "1", "particles that make the event; -1 in a record"),
     _field("resolved", "event", "i1", "1", "1: counts in size, location and axis statistics; 0: in the budget only"),
     _field("source_size", "event", "f8", "m", "diameter of the uniform ball as spread out as the source"),
-    _field("step", "event", TEXT, "", "name of the mining step; empty in a record"),
+    _field(
+        "step",
+        "event",
+        TEXT,
+        "",
+        "name of the mining step; in a record as its column says, else empty",
+    ),
 )
 NAMES = tuple(field.name for field in FIELDS)
 ON_PLANES = _field(

@@ -76,7 +76,7 @@ def steps_with_other_runs(plan: xr.Dataset, other: xr.Dataset) -> list[str]:
     ]
 
 
-def compare(
+def compare_plans(
     plan: xr.Dataset, other: xr.Dataset, quantity: str, steps: tuple[Sequence[str], Sequence[str]], opening: str = ANY
 ) -> Difference:
     """The ratio of number or potency of a plan to another's, over steps of each (by name), near one opening or all.

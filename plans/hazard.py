@@ -27,7 +27,7 @@ from catalogs.sources.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
 from plans.record import LAW, Factors, RecordedNumbers, find_factors
 from plans.runs import StepResult
 from plans.settings import OutcomeSlice
-from plans.truncated_law import TruncatedLaw, find_law
+from plans.truncated_law import TruncatedLaw, draw_law
 
 DRAWS = 2000
 SEED = 1  # One for all plans: they share the draws of what they have in common.
@@ -212,7 +212,7 @@ def _law(
         return None, {"law_source": "none", "law_events": len(x), **missing}
     cap = max(np.log10(whole), float(max(x.max(), modelled.max(initial=-np.inf))) + MIN_ROOM)
     weight = independent_share(runs) if source == "model" else 1.0
-    law = find_law(x, floor, cap, DRAWS, generator, width, weight)
+    law = draw_law(x, floor, cap, DRAWS, generator, width, weight)
     return law, {
         "law_source": source,
         "law_events": len(x),

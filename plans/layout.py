@@ -18,7 +18,7 @@ recorded event, or the later end that the configuration states; empty without a 
 (JSON: sections of the mine file in which the plan differs, apart from the sequence), contains and lacks (JSON: what the
 intervals contain and lack), law_source ("record" | "model" | "none"), law_events, law_b, law_bound (log10 m3; medians),
 law_b_interval, law_bound_interval, runs (the plan's own and its members), number_dispersion (variance over mean of the
-number that a step is forecast with), config_hash, source_hash, made_from, versions. ratio_text is a sentence for the
+number that a step is forecast with), and those of a job's provenance (common.job). ratio_text is a sentence for the
 reader.
 """
 

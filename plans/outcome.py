@@ -32,7 +32,7 @@ def outcome_stage(
     record, comparison: files of the mine, both or neither. Raises InputError as make_outcome.
     """
     if (record is None) != (comparison is None):
-        raise InputError("plans outcome: give both --record and --comparison, or neither")
+        raise InputError("plans: record.nc and comparison.nc: give both or neither")
     settings = OutcomeSlice.of(given, "plans")
     events = read_events(record) if record else None
     return make_outcome(settings, read_dataset(grid), events, read_dataset(comparison, ["cut"]) if comparison else None)

@@ -7,7 +7,7 @@ forecast. Nothing of it is computed again.
 Layout of forecast_scores.nc: ROW_FIELDS and CHANCE_FIELDS. Dimensions: row (a step of a forecast), quantity (number,
 potency: m3, largest: log10 m3), interval (lower, upper: 95 %), said (a chance that was given for a row).
 
-Attributes: mine, sentences (JSON: all of it in words, for the report), config_hash, source_hash, made_from, versions.
+Attributes: mine, sentences (JSON: all of it in words, for the report), and those of a job's provenance (common.job).
 """
 
 import json

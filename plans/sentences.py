@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
-from plans.differences import NUMBER, POTENCY, Difference, compare, steps_with_other_runs
+from plans.differences import NUMBER, POTENCY, Difference, compare_plans, steps_with_other_runs
 from plans.layout import ANY, COARSE, DRAW, PlanSummary
 from plans.record import CELLS, CHANCE, LAW, RECORD, ROCK
 from plans.settings import HazardSettings
@@ -128,7 +128,7 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
             f"{longer.name} mines as {shorter.name} does, and goes on with {step_range(more)}: {count(means.number)} "
             f"events, {number(means.potency)} m³ of potency."
         )
-    potency, events = (compare(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
+    potency, events = (compare_plans(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
     means = plan.means(steps[0])
     if means.number and not first.means(steps[1]).number:
         return (
@@ -208,7 +208,7 @@ def _differences(plans: Sequence[PlanSummary]) -> list[Difference]:
     """Number and potency of each plan against the first one, in the steps that differ."""
     pairs = [(plan, differing_steps(plan, plans[0])) for plan in plans[1:]]
     return [
-        compare(plan.outcome, plans[0].outcome, quantity, steps)
+        compare_plans(plan.outcome, plans[0].outcome, quantity, steps)
         for plan, steps in pairs
         if all(steps)
         for quantity in (NUMBER, POTENCY)

@@ -11,7 +11,7 @@ from catalogs.report.text import DASH, between, fixed, number, typeset
 from catalogs.settings import ALL_STEPS
 from catalogs.sources.jackknife import INTERVAL_95
 from common.datasets import atomic_path
-from plans.differences import NUMBER, POTENCY, Difference, compare
+from plans.differences import NUMBER, POTENCY, Difference, compare_plans
 from plans.layout import ANY, PlanSummary, RunMeans
 from plans.sentences import (
     chance_with_interval,
@@ -65,7 +65,7 @@ def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
             more, fewer = step_range(steps[0]), step_range(steps[1])
             row["verdict"] = f"goes on with {more}" if more else f"lacks {fewer}" if fewer else "the same runs"
         if all(steps):
-            events, potency = (compare(plan.outcome, plans[0].outcome, one, steps) for one in (NUMBER, POTENCY))
+            events, potency = (compare_plans(plan.outcome, plans[0].outcome, one, steps) for one in (NUMBER, POTENCY))
             row |= {"number_ratio": ratio_text(events), "potency_ratio": ratio_text(potency)} | _verdict_cells(potency)
         rows.append(row)
     return rows
@@ -81,7 +81,7 @@ def _comparison_cells(
     """Cells that compare the potency of a plan with that of the first one, in steps of each near an opening."""
     if plan is first or not all(steps) or opening not in [*first.openings, ANY]:
         return dict(NOT_COMPARED)
-    difference = compare(plan.outcome, first.outcome, POTENCY, steps, opening)
+    difference = compare_plans(plan.outcome, first.outcome, POTENCY, steps, opening)
     return {"potency_ratio": ratio_text(difference)} | _verdict_cells(difference)
 
 

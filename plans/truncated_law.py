@@ -61,7 +61,7 @@ class TruncatedLaw:
         return np.bincount(draw, 10.0**size, minlength=len(number)) * number / np.maximum(drawn, 1), largest
 
 
-def find_law(
+def draw_law(
     x: NDArray,
     cut: float,
     cap: float,

@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from common.errors import InputError
-from common.event_table import ON_PLANES, event_dataset
+from common.event_table import ON_PLANES, UNDATED, event_dataset
 from common.modelled_events import describe_sources, spread_in_time
 from common.part_centers import part_centers
 from common.source_tensors import moment_from_potency, scalar_potency
@@ -35,7 +35,6 @@ ROCK_VARIABLES = (STRAIN_VARIABLES["seismic"], "position", "spacing", "volume", 
 STEP_VARIABLES = (*STRAIN_VARIABLES.values(), *ROCK_VARIABLES[1:], "material")
 STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
 MATERIAL_ATTRIBUTES = ("material_names", "elastic_moduli")
-UNDATED = {"start": "", "end": "", "dated": 0}
 # Share of a strain that may deform planes within themselves while it counts as slip along them.
 MAX_IN_PLANE_SHARE = 1e-6
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")

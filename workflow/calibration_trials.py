@@ -18,7 +18,7 @@ from workflow.configuration import load
 from workflow.mine import Mine
 
 FILE_KEYS = ("file", "folder")  # keys of a mine file that hold a path
-DRAWS = 5  # mine files that are drawn from the posterior
+ROCK_DRAWS = 5  # mine files that are drawn from the posterior
 DOUBLED, OWN = "doubled", "own"  # cells of a trial
 MIDDLE = 0.5
 EXTRACTIONS = 4  # sets of events of a trial, each with other settings of the section `seismic`, if these are calibrated
@@ -35,7 +35,7 @@ class CalibrationTrials:
     """
 
     pattern = TRIAL
-    mine_files = ("middle", *(f"draw_{number}" for number in range(1, DRAWS + 1)))
+    mine_files = ("middle", *(f"draw_{number}" for number in range(1, ROCK_DRAWS + 1)))
 
     def __init__(self, mine: Mine, mine_file: Path):
         self.mine = mine
@@ -146,7 +146,7 @@ class CalibrationTrials:
         return mine.coarser() if cells == DOUBLED else mine
 
     def slice_of(self, name: str, cells: str) -> dict:
-        """What a trial depends on, for calibration.trial.run_trial."""
+        """What a trial depends on: settings of stage `trial` (workflow/stages/calibration.py)."""
         mines = [self.mine_at(name, row, cells) for row in self.rows(name)]
         mine = mines[0]
         is_replicate = name.isdigit() and int(name) <= self.settings.replicates
@@ -173,7 +173,7 @@ class CalibrationTrials:
         return known | {
             "has_history": any(self._mines_something(step.name) for step in mine.listed_steps if not step.is_dated),
             "text": _moved(text, mine.folder, self.folder),
-            "draws": DRAWS,
+            "draws": ROCK_DRAWS,
         }
 
     def _kind(self, name: str) -> str:

@@ -40,7 +40,7 @@ RESERVED = (
 )  # folders of results
 MIN_HOURGLASS_STIFFNESS = 0.001  # a smaller one takes many more iterations; without any there is no answer
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff
-MOST_CELLS = 10**9  # coarse ones; the finer come on top
+MAX_COARSE_CELLS = 10**9  # the finer ones come on top
 
 
 def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
@@ -357,7 +357,7 @@ def _check_domain(mine: Mine, mistakes: Mistakes) -> None:
         return
     base_cells(domain.lower, domain.upper, coarse, largest_cell_name(mine))
     cells = math.prod((high - low) / coarse for low, high in zip(domain.lower, domain.upper, strict=True))
-    if cells > MOST_CELLS:
+    if cells > MAX_COARSE_CELLS:
         raise InputError(
             f"grid.{'coarse_cell' if 'coarse_cell' in mine.written_cells else 'finest_cell'}: the largest cells, "
             f"{coarse:g} m, are {cells:.1g} coarse cells in this domain; use larger ones"

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from common.result_folders import COARSE, DRAWN_ROCK, ENSEMBLE, PLANS
-from workflow.calibration_trials import DRAWS
+from workflow.calibration_trials import ROCK_DRAWS
 from workflow.mine_settings import MINE_FILE_PLAN
 from workflow.result_files import ResultFiles
 
@@ -91,7 +91,7 @@ class PlanOutcomes:
         if mine.has_companion:
             found.append(("coarse", f"{place}/{COARSE}"))
         if mine.settings.hazard.rock == POSTERIOR:
-            found += [("draw", f"{place}/{DRAWN_ROCK}/{number}") for number in range(1, DRAWS + 1)]
+            found += [("draw", f"{place}/{DRAWN_ROCK}/{number}") for number in range(1, ROCK_DRAWS + 1)]
         return found
 
     def _results(self, folder: str, kind: str) -> list[str]:

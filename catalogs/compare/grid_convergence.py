@@ -15,7 +15,7 @@ Dimensions: cell (edge of the finest cells, m: the mine's, twice it), period (th
   largest (cell, period)               log10 of the largest potency (m3), NaN without events
   potency_error, failed_volume_error (period)   uncertainty as a share of these, NaN where nothing failed
 Attributes: mine, floor (log10 P in m3), left_out (excavations that cells of twice the size have no part of, JSON),
-narrow (others that are narrow for these cells, JSON), config_hash, source_hash, versions.
+narrow (others that are narrow for these cells, JSON), and those of a job's provenance (common.job).
 """
 
 import json
@@ -35,7 +35,7 @@ MIN_ERROR_SHARE = 0.10
 """share that a number may be off by, however little it changed"""
 
 
-def compare(
+def compare_cells(
     catalogs: list[xr.Dataset], steps: list[list[dict]], coarse_grid: dict, settings: GridConvergenceSettings | dict
 ) -> xr.Dataset:
     """Numbers of both runs and the estimated error; layout as at the head of this module.

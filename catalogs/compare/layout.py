@@ -14,9 +14,9 @@ cut_is ("model floor" | "record completeness" | "smallest recorded" | "nothing")
 stable), law_model, law_record ("power law" | "truncated power law" | "no power law" | "too few events": what sizes
 above the cut follow), location_error (m, median of the events compared),
 axes_present (0 | 1), summed_weight ("unit": over unit tensors where the record has orientations only | "potency"),
-size_bin_width, kagan_bin_width (degrees), config_hash, source_hash, versions. period_text, cut_text, sums_text,
-size_text, location_text and axes_text are sentences for the reader of the report; they also say why a number does not
-exist.
+size_bin_width, kagan_bin_width (degrees), and those of a job's provenance (common.job). period_text, cut_text,
+sums_text, size_text, location_text and axes_text are sentences for the reader of the report; they also say why a number
+does not exist.
 """
 
 import numpy as np

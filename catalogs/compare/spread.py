@@ -20,7 +20,7 @@ does not exist: b of too few events, the standard deviation of one member.
   <name>_statistics (period, statistic)   of each of these but b_error and events_above_cut
   size_bin_lower (size_bin) log10 P;  cumulative (run, size_bin)   resolved events of all dated steps at least so large
 Attributes: mine, members, largest_overstress (share of cohesion), cut (log10 P in m3, that of the mine's own catalogue,
-for all runs alike), cut_text, config_hash, source_hash, versions.
+for all runs alike), cut_text, and those of a job's provenance (common.job).
 """
 
 import json

@@ -14,7 +14,7 @@ from catalogs.report.text import whole
 from catalogs.settings import InsituStress, ReportSlice, Scheduled
 from common.datasets import read_dataset
 from common.errors import InputError
-from common.event_table import check_events
+from common.event_table import UNDATED, check_events
 
 CONVERGENCE_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 CONVERGENCE_VARIABLES = tuple(f"convergence_{name}" for name in CONVERGENCE_COLUMNS)
@@ -23,15 +23,14 @@ STATE_VARIABLES = (
     *("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor"),
     *CELL_VARIABLES,
 )
-UNDATED = {"start": "", "end": "", "dated": 0}
-CATALOGUES = ("catalog", "record")
-DATASETS = ("spread", *CATALOGUES, "comparison", "closeness", "grid_convergence", "forecast_scores")
+EVENT_FILES = ("catalog", "record")
+DATASETS = ("spread", *EVENT_FILES, "comparison", "closeness", "grid_convergence", "forecast_scores")
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
 
 @dataclass(frozen=True)
-class Excavation:
+class ExcavationRow:
     """One row of the config's excavations with the grid's numbers, NaN where not known: volumes in m3; whole: share
     of its volume in cells that are mined wholly; open: share that hangs on how its surface is closed."""
 
@@ -63,9 +62,12 @@ def _by_name(text: str | None, names: list[str]) -> list[float]:
 class Evidence:
     """Everything that the report shows.
 
-    stages: elastic, then the steps in order, each with its convergence table and attributes only; state: what is
-    STATE_VARIABLES of the last of them; catalog, record, comparison, spread, closeness, grid_convergence,
-    forecast_scores: None where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs.
+    config, default: the mine's configuration as written, and the defaults; listed: when its excavations are mined and
+    filled; grid: on the cells of `state`; stages: elastic, then the steps in order, each with its convergence table and
+    attributes only, among them the dates of a step from its file of events; state: STATE_VARIABLES of the last stage;
+    catalog, record, comparison, spread, closeness, grid_convergence, forecast_scores: the datasets of these names, None
+    where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs; insitu: stress before
+    mining.
     """
 
     config: dict
@@ -74,7 +76,6 @@ class Evidence:
     grid: xr.Dataset
     stages: list[xr.Dataset]
     state: xr.Dataset | None
-    events: list[dict]
     catalog: xr.Dataset | None
     record: xr.Dataset | None
     comparison: xr.Dataset | None
@@ -111,7 +112,7 @@ class Evidence:
         return self.record is not None and self.record.attrs["kind"] == "twin"
 
     @property
-    def excavations(self) -> list[Excavation]:
+    def excavations(self) -> list[ExcavationRow]:
         """Excavations in the grid's order; planned: not mined by any stage of the run.
 
         Without steps only the elastic stage is there, which mines what has no date: the history.
@@ -129,7 +130,7 @@ class Evidence:
             planned, dated = name in wanted and row.step not in mined, run.get(row.step, False)
             when = (name, row.step, row.fill, row.filled or row.step)
             solid, drawn, *shares = (known[index] for known in numbers)
-            rows.append(Excavation(*when, solid, drawn, planned, dated, *shares))
+            rows.append(ExcavationRow(*when, solid, drawn, planned, dated, *shares))
         return rows
 
     @property
@@ -167,9 +168,9 @@ def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | o
     state = read(found[-1][1], names=STATE_VARIABLES) if found else None
     if state is not None:
         grid = on_cells_of(grid, state)
-    budgets = [read(path, names=()).attrs for path in paths.get("events", ())]
+    event_attributes = [read(path, names=()).attrs for path in paths.get("events", ())]
     # which the mechanics do not know
-    dates = {one["step"]: {key: one[key] for key in UNDATED} for one in budgets}
+    dates = {one["step"]: {key: one[key] for key in UNDATED} for one in event_attributes}
     for stage in stages:
         stage.attrs = UNDATED | stage.attrs | dates.get(stage.attrs["step"], {})
     config, excavations = settings.config, settings.excavations
@@ -180,8 +181,7 @@ def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | o
         grid=grid,
         stages=stages,
         state=state,
-        events=budgets,
-        **{name: read(paths.get(name), check=name in CATALOGUES) for name in DATASETS},
+        **{name: read(paths.get(name), check=name in EVENT_FILES) for name in DATASETS},
         files=files,
         logs=None if logs is None else Path(logs),
         insitu=settings.insitu,

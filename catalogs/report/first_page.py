@@ -17,7 +17,7 @@ from catalogs.report.uncertainty import Source, sources
 from catalogs.report.verdict import differs, size_of_cut, verdict
 
 PLANNED = "#ffffff"
-LARGEST_DRAWN = 10  # Events of each catalogue in the picture.
+MAX_DRAWN_EVENTS = 10  # Events of each catalogue in the picture.
 TWIN = "The record is a twin: this pipeline made it with other settings, and nothing in it was measured."
 MAX_BRIEF = 3  # Warnings that the first page names.
 MAX_NEXT = 3
@@ -89,7 +89,7 @@ def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[
     if not drawn:
         return "Openings by step. There are no events to draw."
     counts = [
-        f"the {LARGEST_DRAWN} largest {label.lower()}" if events.sizes["event"] == LARGEST_DRAWN
+        f"the {MAX_DRAWN_EVENTS} largest {label.lower()}" if events.sizes["event"] == MAX_DRAWN_EVENTS
         else f"{whole(events.sizes['event'])} {label.lower()}"
         for label, events in drawn.items()
     ]  # fmt: skip
@@ -106,7 +106,7 @@ def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:
     found = {}
     for label, events in shown.items():
         own = events.isel(event=np.flatnonzero(counted[label]))
-        order = np.argsort(-np.nan_to_num(own["potency"].values), kind="stable")[:LARGEST_DRAWN]
+        order = np.argsort(-np.nan_to_num(own["potency"].values), kind="stable")[:MAX_DRAWN_EVENTS]
         found[label] = (style.MODELLED if label == MODEL_LABEL else style.RECORDED, own.isel(event=order))
     return found
 

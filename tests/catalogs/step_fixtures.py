@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from catalogs.report.evidence import Excavation
+from catalogs.report.evidence import ExcavationRow
 from common.source_tensors import moment_magnitude
 
 SHEAR = 30e9  # Pa
@@ -47,6 +47,6 @@ def mined_in(parts: list[tuple[int, str, int]]) -> dict:
     data = {"piece_origin": (("piece", "xyz"), origin), "piece_samples": ("piece", samples)}
     data["piece_excavation"] = ("piece", np.arange(len(parts)))
     corners = {"domain_lower": [100.0, 0.0, -8.0], "domain_upper": [108.0, 2.0, -6.0]}
-    rows = [Excavation(f"e{at}", step, "none", step, 9.0, 9.0, False, True) for at, (_, step, _) in enumerate(parts)]
+    rows = [ExcavationRow(f"e{at}", step, "none", step, 9.0, 9.0, False, True) for at, (_, step, _) in enumerate(parts)]
     grid = xr.Dataset(data, attrs=corners | {"fine_cell": 2.0, "dimension": 3, "thickness": 1.0})
     return {"grid": grid, "excavations": rows}

@@ -9,7 +9,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare, share_off
+from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR, compare_cells, share_off
 from catalogs.figures import style
 from catalogs.report.sections.convergence import discretisation
 from common.datasets import read_dataset, write_dataset
@@ -42,7 +42,7 @@ def run(potency: list[float], step: list[str], floor: float, volumes: list[float
 def found() -> xr.Dataset:
     own = run([3.0, 0.5, 0.1, 1.0], ["2019-08"] * 3 + ["2019-09"], 0.05, VOLUMES["own"], [1, 1, 1, 0])
     coarse = run([2.5, 0.4, 1.2], ["2019-08", "2019-08", "2019-09"], 0.2, VOLUMES["coarse"])
-    return compare(*zip(own, coarse, strict=True), COARSE_GRID, SETTINGS)
+    return compare_cells(*zip(own, coarse, strict=True), COARSE_GRID, SETTINGS)
 
 
 def test_numbers_of_both_runs_by_step_and_in_total(found):
@@ -79,7 +79,7 @@ def test_nothing_that_failed_has_no_error():
 def test_files_of_another_mine_or_other_steps_are_refused(fault):
     runs = [run([1.0], ["2019-08"], 0.1, VOLUMES["own"]) for _ in range(2)]
     with pytest.raises(InputError, match="grid_convergence: steps 2019-08, 2019-09 of testmine"):
-        compare(*zip(*runs, strict=True), COARSE_GRID, SETTINGS | fault)
+        compare_cells(*zip(*runs, strict=True), COARSE_GRID, SETTINGS | fault)
 
 
 def written(mine: fixtures.Mine, **attributes) -> dict:

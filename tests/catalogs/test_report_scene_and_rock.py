@@ -11,7 +11,7 @@ from report_fixtures import make_page
 
 from catalogs.figures import style, views
 from catalogs.report import sections
-from catalogs.report.evidence import Excavation
+from catalogs.report.evidence import ExcavationRow
 from catalogs.report.sections import rock
 from catalogs.report.sections.rock import energy_table
 from catalogs.report.sections.scene import above_cap, by_step, far_field
@@ -33,8 +33,8 @@ def test_many_excavations_are_folded_under_their_sums(page, mine, tmp_path, monk
     assert expected in folded.sections["scene"]
 
 
-def excavation(name: str, step: str, solid: float, drawn: float) -> Excavation:
-    return Excavation(name, step, "none", step, solid, drawn, step == "planned", False)
+def excavation(name: str, step: str, solid: float, drawn: float) -> ExcavationRow:
+    return ExcavationRow(name, step, "none", step, solid, drawn, step == "planned", False)
 
 
 def test_many_excavations_are_summed_by_step_with_the_worst_of_them():

@@ -7,7 +7,7 @@ from plan_fixtures import HAZARD, STEPS, drawn_events, drawn_run, made_up_grid, 
 
 from catalogs.settings import DatedStep
 from common.errors import InputError
-from plans.differences import NUMBER, POTENCY, compare, ratio_of_runs, steps_with_other_runs
+from plans.differences import NUMBER, POTENCY, compare_plans, ratio_of_runs, steps_with_other_runs
 from plans.outcome import make_outcome
 from verification.answers.statistics.samples import simulated_sizes
 
@@ -86,13 +86,13 @@ def test_a_plan_beside_itself(tmp_path):
     one = outcome(tmp_path, [write_run(tmp_path / "one", "own", events)])
     other = outcome(tmp_path, [write_run(tmp_path / "other", "own", events)], plan="other")
     assert steps_with_other_runs(one, one) == []
-    found = compare(one, one, POTENCY, BOTH)
+    found = compare_plans(one, one, POTENCY, BOTH)
     assert found.is_shared
     assert found.value == 1.0
     assert steps_with_other_runs(one, other) == NAMES
     for quantity in (NUMBER, POTENCY):
         for opening in ("any", "stope_1"):
-            found = compare(one, other, quantity, BOTH, opening)
+            found = compare_plans(one, other, quantity, BOTH, opening)
             assert found.value == 1.0
             assert found.interval[0] < 1.0 < found.interval[1]
             assert found.interval[0] * found.interval[1] == pytest.approx(1.0)
@@ -107,8 +107,8 @@ def test_a_shared_step_is_no_difference(tmp_path):
     mixed = {**other, **{key: [run[key][0], other[key][1]] for key in ("events", "states")}}
     plans = [outcome(tmp_path, [run]), outcome(tmp_path, [mixed], plan="mixed")]
     assert steps_with_other_runs(plans[1], plans[0]) == ["2019-09"]
-    assert compare(plans[1], plans[0], NUMBER, (["2019-08"], ["2019-08"])).is_shared
-    assert not compare(plans[1], plans[0], NUMBER, (["2019-09"], ["2019-09"])).is_shared
+    assert compare_plans(plans[1], plans[0], NUMBER, (["2019-08"], ["2019-08"])).is_shared
+    assert not compare_plans(plans[1], plans[0], NUMBER, (["2019-09"], ["2019-09"])).is_shared
 
 
 def test_other_dates_alone_make_no_other_run(tmp_path):
@@ -125,7 +125,7 @@ def test_other_dates_alone_make_no_other_run(tmp_path):
         steps=[step.given() for step in later],
     )
     assert steps_with_other_runs(dated, own) == []
-    assert compare(dated, own, POTENCY, BOTH).verdict == "the same runs in both plans"
+    assert compare_plans(dated, own, POTENCY, BOTH).verdict == "the same runs in both plans"
     fewer = [(size[:-1], place[:-1]) for size, place in events]
     assert steps_with_other_runs(outcome(tmp_path, [write_run(tmp_path / "c" / "run", "own", fewer)]), own) == NAMES
 
@@ -142,11 +142,11 @@ def test_a_large_difference_is_larger_than_chance_explains(tmp_path, runs):
         kinds = ["own", *["member"] * (runs - 1)]
         made = [drawn_run(tmp_path / plan / str(seed), kind, seed, numbers) for seed, kind in enumerate(kinds)]
         plans.append(outcome(tmp_path, made, plan=plan))
-    found = compare(*plans, NUMBER, BOTH)
+    found = compare_plans(*plans, NUMBER, BOTH)
     assert found.is_significant
     assert found.verdict == "larger than chance explains"
     assert ("runs" in found.lacks) == (runs == 1)
-    back = compare(*plans[::-1], NUMBER, BOTH)
+    back = compare_plans(*plans[::-1], NUMBER, BOTH)
     np.testing.assert_allclose(back.interval[::-1], 1.0 / found.interval)
 
 
@@ -163,8 +163,8 @@ def test_cells_and_rock_widen_the_interval(tmp_path):
             made.append(write_run(tmp_path / name / str(number), kind, events))
         return outcome(tmp_path, made, plan=name)
 
-    alone = compare(plan("a1", 90, 0, []), plan("b1", 30, 0, []), NUMBER, BOTH)
-    cells = compare(plan("a2", 90, 50, []), plan("b2", 30, 50, []), NUMBER, BOTH)
+    alone = compare_plans(plan("a1", 90, 0, []), plan("b1", 30, 0, []), NUMBER, BOTH)
+    cells = compare_plans(plan("a2", 90, 50, []), plan("b2", 30, 50, []), NUMBER, BOTH)
     assert alone.is_significant
     assert cells.contains == ("chance", "cells")
     np.testing.assert_allclose(cells.by_chance, alone.interval)
@@ -174,7 +174,7 @@ def test_cells_and_rock_widen_the_interval(tmp_path):
     assert not cells.is_significant
     assert cells.verdict == "larger than chance explains, but cell size may explain it"
 
-    rock = compare(plan("a3", 90, 0, [60, 90, 120]), plan("b3", 30, 0, [30, 30, 30]), NUMBER, BOTH)
+    rock = compare_plans(plan("a3", 90, 0, [60, 90, 120]), plan("b3", 30, 0, [30, 30, 30]), NUMBER, BOTH)
     values = np.log([2.0, 3.0, 4.0])
     half = 4.3027 * values.std(ddof=1) * np.sqrt(4.0 / 3.0)
     for side, sign in enumerate((-1.0, 1.0)):
@@ -188,15 +188,14 @@ def test_no_event_in_a_plan_leaves_its_side_open(tmp_path):
     nothing = [(np.empty(0), np.empty((0, 3)))] * 2
     none = outcome(tmp_path, [write_run(tmp_path / "none", "own", nothing)], plan="none")
     some = outcome(tmp_path, [drawn_run(tmp_path / "some", "own", 1)])
-    more, less = compare(some, none, NUMBER, BOTH), compare(none, some, NUMBER, BOTH)
+    more, less = compare_plans(some, none, NUMBER, BOTH), compare_plans(none, some, NUMBER, BOTH)
     assert np.isnan(more.value)
     assert more.interval[0] > 4.0
     assert np.isinf(more.interval[1])
     assert less.value == 0.0
     assert less.interval[0] == 0.0
-    assert compare(none, outcome(tmp_path, [write_run(tmp_path / "too", "own", nothing)]), NUMBER, BOTH).verdict == (
-        "neither plan makes anything"
-    )
+    none_too = outcome(tmp_path, [write_run(tmp_path / "too", "own", nothing)])
+    assert compare_plans(none, none_too, NUMBER, BOTH).verdict == "neither plan makes anything"
 
 
 def test_mirrored_plans_are_equal(tmp_path):
@@ -210,7 +209,7 @@ def test_mirrored_plans_are_equal(tmp_path):
     )
     for opening in one["opening"].values:
         for step in NAMES:
-            found = compare(one, other, POTENCY, ([step], [step]), opening)
+            found = compare_plans(one, other, POTENCY, ([step], [step]), opening)
             assert np.isnan(found.value) or found.value == pytest.approx(1.0)
     assert len(HAZARD["distances"]) == one.sizes["distance"]
 
@@ -227,14 +226,14 @@ def test_plans_are_counted_from_one_floor(tmp_path):
         for number, (run, other) in enumerate(zip(runs, floors, strict=True))
     ]
     assert [plan.attrs["floor"] for plan in plans] == pytest.approx([-1.5, -1.5])
-    found = compare(*plans, NUMBER, BOTH)
+    found = compare_plans(*plans, NUMBER, BOTH)
     assert found.value == 1.0
     assert found.verdict == "difference within chance"
     alone = outcome(tmp_path, runs[:1], plan="alone")
     with pytest.raises(
         InputError, match=r"events of alone are counted from log P -2 on, those of plan_1 from -1\.5 on"
     ):
-        compare(alone, plans[1], NUMBER, BOTH)
+        compare_plans(alone, plans[1], NUMBER, BOTH)
 
 
 def test_a_companion_of_another_plan_raises_the_shared_floor_only(tmp_path):

@@ -13,7 +13,7 @@ from plans.hazard import _law as law_of
 from plans.hazard import chance_of, chances, dispersion_index, draw_expected, draw_numbers, independent_share
 from plans.record import STEP_SCATTER, Factors, RecordedNumbers, draw_ratio, find_factors, step_ratios
 from plans.runs import StepResult
-from plans.truncated_law import TruncatedLaw, find_law
+from plans.truncated_law import TruncatedLaw, draw_law
 from verification.answers.statistics.samples import simulated_sizes
 
 ONE = np.ones(1)
@@ -66,7 +66,7 @@ def test_many_sizes_fix_the_slope_as_maximum_likelihood_does(width):
     generator = np.random.default_rng(2)
     x = simulated_sizes(generator, 3000, 0.9, 3.0)
     x = np.floor(x / width) * width + 0.5 * width if width else x
-    law = find_law(x, 0.0, 4.0, 2000, generator, width)
+    law = draw_law(x, 0.0, 4.0, 2000, generator, width)
     known = estimate_b(x, 0.5 * width, width, bound=3.0)
     assert np.median(law.rate) / LN10 == pytest.approx(known.b, abs=0.3 * known.error)
     assert np.std(law.rate) / LN10 == pytest.approx(known.error, rel=0.15)
@@ -78,7 +78,7 @@ def test_the_end_of_the_law_has_the_posterior_of_its_formula():
     """The slope nearly fixed by many sizes, the end by n: its density is as (1 - exp(-beta M))^-n on [largest, cap]."""
     generator = np.random.default_rng(3)
     x = simulated_sizes(generator, 2000, 1.0, 2.0)
-    law = find_law(x, 0.0, 3.0, 20_000, generator)
+    law = draw_law(x, 0.0, 3.0, 20_000, generator)
     ends = np.linspace(x.max(), 3.0, 2000)
     density = (1.0 - np.exp(-np.median(law.rate) * ends)) ** -len(x)
     cumulative = np.cumsum(density) / density.sum()
@@ -101,7 +101,7 @@ def test_chance_in_intervals_of_known_rates_and_laws():
         number = np.array([len(one) for one in made], float)
         near = generator.binomial(number.astype(int), 0.3).astype(float)[:, None, None]
         sizes = np.array([0.3, 0.5, 0.8]) * span
-        law = find_law(x, 0.0, max(span + generator.uniform(0.0, 1.5), x.max() + 1.0), 400, generator)
+        law = draw_law(x, 0.0, max(span + generator.uniform(0.0, 1.5), x.max() + 1.0), 400, generator)
         found = chances(near, dispersion_index(number), np.ones(400), law.share_above(sizes), 12.0, generator)
         truth = [-np.expm1(-0.3 * rate * share(size, b, span)) for size in sizes]
         low, high = found["chance_interval"][0, 0].T
@@ -265,7 +265,7 @@ def test_the_slope_of_runs_that_share_events_is_held_by_its_interval():
     for _ in range(300):
         runs = runs_that_share(generator, 0.5)
         x = np.log10(np.concatenate([step.potency for run in runs for step in run]))
-        law = find_law(x, 0.0, x.max() + 1.0, 400, generator, weight=independent_share(runs))
+        law = draw_law(x, 0.0, x.max() + 1.0, 400, generator, weight=independent_share(runs))
         low, high = np.quantile(law.rate / LN10, INTERVAL_95)
         held.append(low <= 0.8 <= high)
     assert np.mean(held) >= 0.93 - 0.044

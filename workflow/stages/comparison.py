@@ -65,7 +65,7 @@ def _with_members(job: Job, catalog, compared):
 
 def _with_companion(job: Job, catalog):
     """grid_convergence.nc"""
-    from catalogs.compare.grid_convergence import compare
+    from catalogs.compare.grid_convergence import compare_cells
     from common.datasets import read_dataset
     from common.event_table import read_events
 
@@ -73,7 +73,7 @@ def _with_companion(job: Job, catalog):
     folders = [job.input("catalog").parent, coarse]
     states = [[read_dataset(folder / f"steps/{name}.nc", ()).attrs for name in settings["steps"]] for folder in folders]
     catalogs = [catalog, read_events(coarse / "catalog.nc")]
-    return compare(catalogs, states, read_dataset(coarse / "grid.nc", ()).attrs, settings)
+    return compare_cells(catalogs, states, read_dataset(coarse / "grid.nc", ()).attrs, settings)
 
 
 def _with_forecasts(job: Job):

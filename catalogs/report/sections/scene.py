@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 from catalogs.figures import panels, style, views
 from catalogs.report import sections
-from catalogs.report.evidence import Evidence, Excavation
+from catalogs.report.evidence import Evidence, ExcavationRow
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import whole
 
@@ -41,19 +41,19 @@ def cut_planes(evidence: Evidence) -> list[views.View]:
     return views.cuts(grid, centre, volume * np.isin(grid["piece_excavation"].values, wanted))
 
 
-def by_step(excavations: list[Excavation]) -> list[dict]:
+def by_step(excavations: list[ExcavationRow]) -> list[dict]:
     """One row per step, in the order in which excavations name them: how many, their volumes m3, what misses most.
 
     worst: the excavation whose volume the grid misses most, error: by which share of the solid's, NaN if none is known;
     planned: whether no step of the run mines them.
     """
-    rows: dict[str, list[Excavation]] = {}
+    rows: dict[str, list[ExcavationRow]] = {}
     for excavation in excavations:
         rows.setdefault(excavation.step, []).append(excavation)
     return [_row(step, members) for step, members in rows.items()]
 
 
-def _row(step: str, members: list[Excavation]) -> dict:
+def _row(step: str, members: list[ExcavationRow]) -> dict:
     solid, drawn = (np.array([getattr(one, name) for one in members]) for name in ("solid", "drawn"))
     error = np.full(len(members), np.nan)
     np.divide(drawn - solid, solid, out=error, where=solid > 0)
