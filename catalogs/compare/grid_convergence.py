@@ -34,6 +34,13 @@ SAFETY_FACTOR = 1.25  # Factor on the change between two cell sizes.
 MIN_ERROR_SHARE = 0.10
 """share that a number may be off by, however little it changed"""
 
+QUANTITIES = {  # unit and meaning
+    "potency": ("m3", "potency of all events"),
+    "failed_volume": ("m3", "rock that failed in the period"),
+    "events": ("1", "resolved events from the larger floor of both catalogues on"),
+    "largest": ("1", "log10 of the largest potency in m3"),
+}
+
 
 def compare_cells(
     catalogs: list[xr.Dataset], steps: list[list[dict]], coarse_grid: dict, settings: GridConvergenceSettings | dict
@@ -55,24 +62,28 @@ def compare_cells(
             )
     floors = [float(catalog.attrs["potency_floor"]) for catalog in catalogs]
     floor = np.log10(max(floors)) if max(floors) > 0 else np.nan
-    rows: dict[str, list] = {name: [] for name in ("potency", "failed_volume", "events", "largest")}
+    rows: dict[str, list] = {name: [] for name in QUANTITIES}
     for catalog, states in zip(catalogs, steps, strict=True):
         for name, values in _by_period(catalog, states, settings.steps, floor).items():
             rows[name].append(values)
     table = {name: np.array(values) for name, values in rows.items()}
-    units = {"potency": "m3", "failed_volume": "m3", "events": "1", "largest": "1"}
     data: dict[str, Any] = {
-        name: (("cell", "period"), values, {"units": units[name]}) for name, values in table.items()
+        name: (("cell", "period"), values, {"units": QUANTITIES[name][0], "long_name": QUANTITIES[name][1]})
+        for name, values in table.items()
     }
     for name in ("potency", "failed_volume"):
-        data[f"{name}_error"] = ("period", share_off(*table[name]), {"units": "1"})
+        meaning = f"uncertainty of {name} as a share of it"
+        data[f"{name}_error"] = ("period", share_off(*table[name]), {"units": "1", "long_name": meaning})
     columns = (json.loads(coarse_grid[f"excavation_{key}"]) for key in ("names", "volume_grid", "whole_share"))
     excavations, least = list(zip(*columns, strict=True)), coarse_grid["narrow_whole_share"]
     left_out = [name for name, volume, _ in excavations if not volume > 0.0]
     narrow = [name for name, volume, share in excavations if volume > 0.0 and share < least]
     return xr.Dataset(
         data,
-        coords={"cell": ("cell", list(settings.cells), {"units": "m"}), "period": [*settings.steps, ALL_STEPS]},
+        coords={
+            "cell": ("cell", list(settings.cells), {"units": "m", "long_name": "edge of the finest cells"}),
+            "period": ("period", [*settings.steps, ALL_STEPS], {"long_name": "dated step, or all of them"}),
+        },
         attrs={"mine": settings.mine, "floor": floor, "left_out": json.dumps(left_out), "narrow": json.dumps(narrow)},
     )
 

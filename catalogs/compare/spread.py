@@ -79,6 +79,17 @@ QUANTITY_UNITS = {
     "energy_released": "J",
     "energy_dissipated": "J",
 }
+MEANINGS = {
+    "potency": "potency of all events",
+    "particle_potency": "potency of all failed particles",
+    "failed_volume": "rock that failed in the period",
+    "events": "resolved events",
+    "events_above_cut": "resolved events from the cut on, which b is counted from",
+    "b": "b of log10 potency of the resolved events from the cut on",
+    "b_error": "standard error of b",
+    "energy_released": "energy released in the period",
+    "energy_dissipated": "energy dissipated in the period",
+}
 SPREAD_BIN_WIDTH = 0.1  # Bins of log10 potency in plots.
 
 
@@ -107,20 +118,29 @@ def gather(
     }
     edges = sizes.cut_grid(np.concatenate([group[-1] for group in groups]), SPREAD_BIN_WIDTH)
     result: dict[str, Any] = {
-        name: (("run", "period"), values, {"units": QUANTITY_UNITS.get(name, "1")})
+        name: (("run", "period"), values, {"units": QUANTITY_UNITS.get(name, "1"), "long_name": MEANINGS[name]})
         for name, values in (table | fitted).items()
     }
     for name, unit in QUANTITY_UNITS.items():
         values = statistics(np.asarray(result[name][1], float)[1:])
-        result[f"{name}_statistics"] = (("period", "statistic"), values, {"units": unit})
+        result[f"{name}_statistics"] = (
+            ("period", "statistic"),
+            values,
+            {"units": unit, "long_name": f"{MEANINGS[name]}: statistics over the members"},
+        )
     result |= {
-        "size_bin_lower": ("size_bin", edges),
+        "size_bin_lower": ("size_bin", edges, {"units": "1", "long_name": "lower edge of a bin, log10 of m3"}),
         "cumulative": (
             ("run", "size_bin"),
             np.array([sizes.counts(g[-1], edges, SPREAD_BIN_WIDTH)[1] for g in groups]),
+            {"units": "1", "long_name": "resolved events of all dated steps from this size on"},
         ),
     }
-    coordinates = {"run": np.arange(len(runs)), "period": [*steps, ALL_STEPS], "statistic": list(STATISTICS)}
+    coordinates = {
+        "run": ("run", np.arange(len(runs)), {"long_name": "0: the mine's own run, then the members by number"}),
+        "period": ("period", [*steps, ALL_STEPS], {"long_name": "dated step, or all of them"}),
+        "statistic": ("statistic", list(STATISTICS), {"long_name": "statistic over the members"}),
+    }
     attributes = {"mine": settings.mine, "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
     attributes["largest_overstress"] = settings.largest_overstress
     return xr.Dataset(result, coords=coordinates, attrs=attributes)
