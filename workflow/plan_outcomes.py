@@ -30,7 +30,11 @@ ROCK_AND_CELLS = (
 class PlanOutcomes:
     """Runs and slices of the plans of the run's own mine.
 
-    Nothing is looked at before a rule asks for it. A mine that can have no plans ends the run in one line.
+    Nothing is looked at before a rule asks for it. Plans are checked three times, each time with a line for a mistake:
+
+    - When the mine file is read, their names and what they change (workflow/checks.py).
+    - When the mine of a plan is first asked for, its whole configuration (`MiningPlans.mine_of`).
+    - When the plans are to be compared, that all of them can be (`checked_names`).
     """
 
     def __init__(self, files: ResultFiles, mine_file: Path):
@@ -40,8 +44,8 @@ class PlanOutcomes:
         self.mine_file = Path(os.path.relpath(mine_file))
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the plans, that of the mine file first."""
+    def checked_names(self) -> tuple[str, ...]:
+        """Names of the plans, that of the mine file first. Ends the run in one line if they cannot be compared."""
         mine = self.mine
         if not mine.dated_steps:
             sys.exit(f"{self.mine_file}: steps: none has dates; plans are compared by dated steps")
@@ -50,7 +54,8 @@ class PlanOutcomes:
         for name, plan in mine.settings.plans.items():
             if plan.file is not None:
                 self._check_file(name)
-        return (MINE_FILE_PLAN, *mine.settings.plans)
+        assert self.folders.plans is not None  # the rules give them
+        return self.folders.plans.names
 
     def _check_file(self, name: str) -> None:
         """End the run in one line, before its mechanics, if the mine of another file can be no plan."""
@@ -82,7 +87,7 @@ class PlanOutcomes:
 
     def outcomes(self) -> list[str]:
         """Results of all plans, in order."""
-        return [self.outcome(plan) for plan in self.names]
+        return [self.outcome(plan) for plan in self.checked_names]
 
     def runs(self, plan: str) -> list[tuple[str, str]]:
         """Kind (plans.settings.RunFiles) and folder of each run of a plan."""
@@ -113,7 +118,7 @@ class PlanOutcomes:
         """Runs of the other plans, as far as they are not those of this one."""
         own = {path for run in self._run_files(plan) for path in run["events"]}
         found = []
-        for other in self.names:
+        for other in self.checked_names:
             for run in self._run_files(other) if other != plan else ():
                 if events := [path for path in run["events"] if path not in own]:
                     found.append({"kind": run["kind"], "events": events})

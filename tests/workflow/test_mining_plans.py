@@ -144,7 +144,7 @@ def test_a_file_that_can_be_no_plan_is_refused_before_the_mechanics(folders, tmp
     write_mine(changed(TINY, **values), tmp_path / "other.yaml")
     found = outcomes(folders({"other": {"file": "other.yaml"}}, grid_convergence=True), tmp_path)
     with pytest.raises(SystemExit, match=rf"mine.yaml: plans.other.file: other.yaml: {line}") as ended:
-        assert found.names
+        assert found.checked_names
     assert len(str(ended.value).splitlines()) == 1
 
 
@@ -152,7 +152,7 @@ def test_a_flat_file_is_no_plan(folders, tmp_path):
     write_mine(FLAT, tmp_path / "other.yaml")
     found = outcomes(folders({"other": {"file": "other.yaml"}}), tmp_path)
     with pytest.raises(SystemExit, match=r"plans\.other\.file: other.yaml: plane: xz; plans need a mine in three dim"):
-        assert found.names
+        assert found.checked_names
 
 
 def test_sections_in_which_a_file_differs_are_named(folders, tmp_path):
