@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import importlib
 import os
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -14,25 +15,6 @@ import numpy as np
 from catalogs.report import first_page, sections
 from catalogs.report.evidence import read_evidence
 from catalogs.report.gallery import draw_sections
-from catalogs.report.sections import (
-    axes,
-    balls,
-    budget,
-    config,
-    convergence,
-    events,
-    forecasts,
-    record,
-    resources,
-    rock,
-    scene,
-    sizes,
-    spread,
-    steps,
-    truncated,
-    view,
-    warnings,
-)
 from catalogs.report.text import fixed, number, percent, typeset, whole
 from catalogs.settings import ReportSlice
 from common.datasets import atomic_path
@@ -41,11 +23,9 @@ from common.pages import page_templates
 FOLDER = Path(__file__).parent  # "templates" and, beside each section's module, its own
 SCRIPTS = [FOLDER / "browser" / name for name in ("three.min.js", "view.js")]  # in order
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
-APPENDIX = (
-    *(warnings, record, scene, view, rock, steps, events, sizes, axes, balls),
-    *(convergence, spread, forecasts, truncated, budget, resources, config),
-)
-MODULES = {"first": first_page} | {module.__name__.rpartition(".")[2]: module for module in APPENDIX}
+MODULES = {"first": first_page} | {
+    name: importlib.import_module(f"{sections.__name__}.{name}") for name in sections.SECTIONS
+}
 SLOWEST_FIRST = ("axes", "events", "rock", "convergence", "scene", "balls", "view", "sizes", "spread", "first")
 
 

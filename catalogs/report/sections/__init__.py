@@ -1,6 +1,6 @@
 """The sections of the report's appendix: each is a module here with a template of the same name beside it.
 
-To add one, write both, name it in TOPICS and import it in page.py. A module offers `section(evidence, gallery)`: what
+To add one, write both and name it in TOPICS. A module offers `section(evidence, gallery)`: what
 its template shows under the section's name, with figures saved in the gallery.
 """
 
