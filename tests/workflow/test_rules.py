@@ -1,7 +1,6 @@
 """What rules ask their modules: files, jobs, cores."""
 
 import re
-from types import SimpleNamespace
 
 import pytest
 from snakemake.iocontainers import Wildcards
@@ -134,14 +133,15 @@ def test_a_job_is_written_with_the_inputs_of_its_rule(files, tmp_path, monkeypat
     """Where the wildcard says; a rule without one is of the run's own mine. What the scene has none of is left out."""
     monkeypatch.chdir(tmp_path)
     inputs = RuleInputs(files.folders)
-    step = inputs.of("step", "{step}", grid=files.grid, state=files.previous_state).callable
-    found = step(cards(mine="tiny/ensemble/1", step="2019-08"))
-    assert found["grid"] == "results/tiny/grid.nc"
-    assert found["job"].startswith("results/tiny/ensemble/1/jobs/step/2019-08/")
-    job = read_job(found["job"])
+    step = inputs.of("step", "{step}", grid=files.grid, state=files.previous_state)
+    member = cards(mine="tiny/ensemble/1", step="2019-08")
+    assert step["grid"](member) == "results/tiny/grid.nc"
+    written = step["job"](member)
+    assert written.startswith("results/tiny/ensemble/1/jobs/step/2019-08/")
+    job = read_job(written)
     assert job.inputs == {"grid": ["results/tiny/grid.nc"], "state": ["results/tiny/ensemble/1/steps/history.nc"]}
     assert job.settings == files.mine.member(1).step_slice("2019-08")
-    given = inputs.of("trial", "{trial}", settings=lambda cards: {"of": cards.trial}, finer=[]).callable
-    assert given(cards(trial="2"))["job"].startswith("results/tiny/jobs/trial/2/")
-    assert read_job(given(cards(trial="2"))["job"]).inputs == {}
-    assert SimpleNamespace(**given(cards(trial="2"))).job != given(cards(trial="3"))["job"]
+    trial = inputs.of("trial", "{trial}", settings=lambda cards: {"of": cards.trial}, finer=[])["job"]
+    assert trial(cards(trial="2")).startswith("results/tiny/jobs/trial/2/")
+    assert read_job(trial(cards(trial="2"))).inputs == {}
+    assert trial(cards(trial="2")) != trial(cards(trial="3"))
