@@ -22,9 +22,9 @@ import numba
 import numpy as np
 from numba import njit, parallel_chunksize, prange
 
+from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
-from mpm_core.constitutive.strength import strength_row
 from mpm_core.grid import build_grid
 from mpm_core.grid.mesh import BIT_ORDER
 from mpm_core.kernels.flow_rows import make_add_flow_forces

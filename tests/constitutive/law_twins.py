@@ -5,7 +5,7 @@ from itertools import combinations, permutations
 import numpy as np
 from hypothesis import strategies
 
-from mpm_core.constitutive.strength import (
+from mpm_core.constitutive.coulomb_strength import (
     APEX,
     DILATION_FACTOR,
     FRICTION_FACTOR,

@@ -4,11 +4,11 @@ import numba
 import numpy as np
 import pytest
 
+from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
 from mpm_core.constitutive.laws.coulomb import return_to_surface
-from mpm_core.constitutive.strength import strength_row
 from mpm_core.settings import lame_parameters
 
 ROWS = np.array([strength_row(30, 10, 2e6, 1e6), strength_row(20, 10, 1e6, 0.0), strength_row(0, 0, 5e6)])

@@ -6,10 +6,10 @@ from hypothesis import assume, given, settings
 
 from common.source_tensors import shear_iso_share, source_shares
 from mpm_core.constitutive import general
+from mpm_core.constitutive.coulomb_return import EDGE, ELASTIC, TENSION
+from mpm_core.constitutive.coulomb_strength import residual_outside_intact, strength_row
 from mpm_core.constitutive.elastic import stress_increment
 from mpm_core.constitutive.laws.coulomb import return_to_surface
-from mpm_core.constitutive.return_mapping import EDGE, ELASTIC, TENSION
-from mpm_core.constitutive.strength import residual_outside_intact, strength_row
 from mpm_core.settings import lame_parameters
 
 from . import law_twins

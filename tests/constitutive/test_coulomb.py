@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mpm_core.constitutive.coulomb_return import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
+from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.laws.coulomb import (
     STRENGTH_FACTOR_CAP,
@@ -16,8 +18,6 @@ from mpm_core.constitutive.laws.coulomb import (
     strength_factor,
     surely_admissible,
 )
-from mpm_core.constitutive.return_mapping import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
-from mpm_core.constitutive.strength import strength_row
 from mpm_core.settings import lame_parameters
 
 from . import law_twins

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, root
 
 from common.errors import InputError
+from mpm_core.constitutive.coulomb_return import return_principal as coulomb_return
+from mpm_core.constitutive.coulomb_strength import strength_row as coulomb_row
 from mpm_core.constitutive.elastic import APEX_REGION, EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP, TENSION
 from mpm_core.constitutive.laws import hoek_brown
 from mpm_core.constitutive.laws.hoek_brown import (
@@ -29,8 +31,6 @@ from mpm_core.constitutive.laws.hoek_brown import (
     strength_row,
     surely_admissible,
 )
-from mpm_core.constitutive.return_mapping import return_principal as coulomb_return
-from mpm_core.constitutive.strength import strength_row as coulomb_row
 from mpm_core.settings import lame_parameters
 
 from .law_twins import components, magnitudes, matrix, principal, rotated, rotation_from, stiffness, stresses

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numba import njit
 
+from mpm_core.constitutive.coulomb_return import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
+from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.constitutive.laws.coulomb import return_lanes, return_to_surface
-from mpm_core.constitutive.return_mapping import APEX_REGION, EDGE, ELASTIC, FACE, TENSION
-from mpm_core.constitutive.strength import strength_row
 from mpm_core.settings import lame_parameters
 from mpm_core.simd.lanes import LANES, choose, load, store
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from numba import njit
 
 from common.errors import InputError
+from mpm_core.constitutive.coulomb_strength import residual_outside_intact, strength_row
 from mpm_core.constitutive.general import strength_of
 from mpm_core.constitutive.laws.coulomb import overstress, return_to_surface
-from mpm_core.constitutive.strength import residual_outside_intact, strength_row
 
 from .law_twins import strength_rows
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.constitutive.general import tangent_by_differences
 from mpm_core.constitutive.laws.coulomb import return_to_surface, stiffness_reduction
-from mpm_core.constitutive.strength import strength_row
 
 LAME, SHEAR = 20e9, 25e9
 

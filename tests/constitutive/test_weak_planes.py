@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, nnls
 
 from common.errors import InputError
+from mpm_core.constitutive.coulomb_strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
 from mpm_core.constitutive.elastic import EDGE, ELASTIC, FACE, STRENGTH_FACTOR_CAP, strain_from_stress
 from mpm_core.constitutive.laws import coulomb, weak_planes
 from mpm_core.constitutive.laws.weak_planes import (
@@ -28,7 +29,6 @@ from mpm_core.constitutive.laws.weak_planes import (
     strength_factor,
     surely_admissible,
 )
-from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
 from mpm_core.settings import lame_parameters
 
 from .law_twins import components, matrix, rotated, rotation_from, stresses

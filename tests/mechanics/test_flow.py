@@ -6,9 +6,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mechanics.scenes import COULOMB, grid_around, make_dataset, make_scene, uniform
+from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
-from mpm_core.constitutive.strength import strength_row
 from mpm_core.kernels.energy_sums import make_flow_energy
 from mpm_core.kernels.stress_update import undo_flow
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step

@@ -40,7 +40,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
+from mpm_core.constitutive.coulomb_strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH, strength_row
 from verification.cavities.inclusion import Elastic
 
 

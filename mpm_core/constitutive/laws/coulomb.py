@@ -1,11 +1,11 @@
 """Coulomb failure with a tension cut-off, a law of failure (see laws/__init__.py): residual strength by the same keys.
 
 Stress is xx, yy, zz, yz, xz, xy in Pa, tension positive, with principal values s1 >= s2 >= s3 (principal.py). `row` is
-a strength row of strength.py, as an array or a tuple. Kernels allocate nothing; but for `return_lanes` they are scalar
-and use no fastmath.
+a strength row of coulomb_strength.py, as an array or a tuple. Kernels allocate nothing; but for `return_lanes` they are
+scalar and use no fastmath.
 
 The return: non-associated Coulomb flow (dilation angle) and associated tension, exact in one step for isotropic
-elasticity (return_mapping.py). The plastic strain is the compliance times (trial - returned). An admissible stress
+elasticity (coulomb_return.py). The plastic strain is the compliance times (trial - returned). An admissible stress
 comes back bit for bit with region ELASTIC; so does a returned one.
 """
 
@@ -17,11 +17,8 @@ from numba import njit
 from pydantic import model_validator
 
 from common.setting_types import choose, is_section, refusal, refuse
-from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, STRENGTH_FACTOR_CAP
-from mpm_core.constitutive.isotropic import isotropic_lanes, isotropic_return, isotropic_tangent
-from mpm_core.constitutive.principal import principal_stresses, split_deviator
-from mpm_core.constitutive.return_mapping import return_principal
-from mpm_core.constitutive.strength import (
+from mpm_core.constitutive.coulomb_return import return_principal
+from mpm_core.constitutive.coulomb_strength import (
     DILATION_FACTOR,
     FRICTION_FACTOR,
     TENSILE_STRENGTH,
@@ -29,7 +26,10 @@ from mpm_core.constitutive.strength import (
     residual_outside_intact,
     strength_row,
 )
-from mpm_core.constitutive.strength import ROW_LENGTH as ROW_LENGTH
+from mpm_core.constitutive.coulomb_strength import ROW_LENGTH as ROW_LENGTH
+from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, STRENGTH_FACTOR_CAP
+from mpm_core.constitutive.isotropic import isotropic_lanes, isotropic_return, isotropic_tangent
+from mpm_core.constitutive.principal import principal_stresses, split_deviator
 from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
 
 NAME = "coulomb"

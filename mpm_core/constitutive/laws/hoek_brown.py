@@ -23,6 +23,7 @@ from numba import njit
 from pydantic import model_validator
 
 from common.setting_types import Settings, Unit, choose, is_section, real_number, refusal
+from mpm_core.constitutive.coulomb_return import tension_return
 from mpm_core.constitutive.elastic import (
     ADMISSIBLE_ROUND_OFF,
     APEX_REGION,
@@ -35,7 +36,6 @@ from mpm_core.constitutive.elastic import (
 from mpm_core.constitutive.general import lane_by_lane
 from mpm_core.constitutive.isotropic import isotropic_return, isotropic_tangent
 from mpm_core.constitutive.principal import principal_stresses, split_deviator
-from mpm_core.constitutive.return_mapping import tension_return
 from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
 
 NAME = "hoek_brown"

@@ -1,7 +1,7 @@
 """Coulomb rock with planes of weakness of one orientation (ubiquitous joints): bedding, foliation, the rock of a fault.
 
-Beside the rock's own Coulomb strength (strength.py) the plane with unit normal n bears, with its traction's normal part
-sn (tension positive) and shear part tau:
+Beside the rock's own Coulomb strength (coulomb_strength.py) the plane with unit normal n bears, with its traction's
+normal part sn (tension positive) and shear part tau:
 
     |tau| <= c - sn tan phi    flow: slip along tau, opening tan psi of it        and    sn <= T    flow: opening
 
@@ -31,10 +31,10 @@ from numba import njit
 from pydantic import model_validator
 
 from common.setting_types import Settings, Unit, choose, is_section, refusal
+from mpm_core.constitutive.coulomb_strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH
 from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, ELASTIC, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.general import lane_by_lane, tangent_by_differences
 from mpm_core.constitutive.laws import coulomb
-from mpm_core.constitutive.strength import DILATION_FACTOR, FRICTION_FACTOR, UNCONFINED_STRENGTH
 from mpm_core.settings import AnglePair, StrengthPair
 
 NAME = "weak_planes"

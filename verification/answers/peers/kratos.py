@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mpm_core.constitutive.coulomb_strength import DILATION_FACTOR, strength_row
 from mpm_core.constitutive.general import make_return_particles
 from mpm_core.constitutive.laws import coulomb
-from mpm_core.constitutive.strength import DILATION_FACTOR, strength_row
 from mpm_core.settings import lame_parameters
 
 FRICTION, COHESION, YOUNGS_MODULUS = 35.0, 10.0, 1e6

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mpm_core.constitutive.return_mapping import APEX_REGION, EDGE, ELASTIC, FACE, TENSION, return_principal
-from mpm_core.constitutive.strength import strength_row
+from mpm_core.constitutive.coulomb_return import APEX_REGION, EDGE, ELASTIC, FACE, TENSION, return_principal
+from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.settings import lame_parameters
 
 from .law_twins import koiter_returns, planes, stiffness

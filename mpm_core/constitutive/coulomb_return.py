@@ -14,14 +14,14 @@ Planes (the other faces and tension planes are images of these under exchange of
 
 from numba import njit
 
-from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, APEX_REGION, EDGE, ELASTIC, FACE, TENSION
-from mpm_core.constitutive.strength import (
+from mpm_core.constitutive.coulomb_strength import (
     APEX,
     DILATION_FACTOR,
     FRICTION_FACTOR,
     TENSILE_STRENGTH,
     UNCONFINED_STRENGTH,
 )
+from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, APEX_REGION, EDGE, ELASTIC, FACE, TENSION
 from mpm_core.simd.lanes import choose
 
 

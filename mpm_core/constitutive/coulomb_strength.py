@@ -1,4 +1,4 @@
-"""The strength of one rock: a Coulomb cone with a tension cut-off, as one row of numbers, and what is checked about it.
+"""The strength of Coulomb rock: a cone with a tension cut-off, as one row of numbers, and what is checked about it.
 
 A strength row is float64 (ROW_LENGTH,):
 
