@@ -2,8 +2,8 @@
 
 The declaration makes a virgin state, says what a checkpoint keeps (stages/checkpoint.py) and what a subdomain
 copies and copies back (equilibrium/subdomain.py), and names, measures and describes each array in the files
-(files/state_datasets.py). Another array is one more line here, and one in files/state_datasets.py
-if its file holds something else than the array.
+(files/state_datasets.py). Another array is one more declaration here, one line in files/state_datasets.py
+if its file holds something else than the array, and one in stages/state_transfer.py unless only failed rock has it.
 """
 
 from dataclasses import dataclass, fields
@@ -18,7 +18,7 @@ from mpm_core.model.particles import Particles
 PARTICLES = ("particle",)
 TENSORS = ("particle", "voigt")
 FORCES, BOUNDARY, SEISMIC, OVERSHOOT, FLOW, GAINED, HOURGLASS, MOTION, UNBALANCED, REFINED = range(10)
-"""entries of State.energy, J (per m in 2-D): see equilibrium.energy"""
+"""entries of State.energy, J (per m in 2-D): see equilibrium.energy_balance"""
 
 
 class Extent(Enum):
@@ -28,7 +28,7 @@ class Extent(Enum):
     FAILED = auto()
     """where rock has failed; elsewhere zeros, which need no memory until they are written"""
     NONE = auto()
-    """nowhere, unless particles move: such stages have neither checkpoints nor parts"""
+    """nowhere, unless particles move: such stages have neither checkpoints nor subdomains"""
 
 
 @dataclass(frozen=True)

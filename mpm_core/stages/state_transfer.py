@@ -39,7 +39,11 @@ class Cells:
 
 
 def transfer(old: Model, state: State, new: Model) -> State:
-    """The state of a model as that of another of the same scene, whose cells are the old ones or parts of them."""
+    """The state of a model as that of another of the same scene, whose cells are the old ones or parts of them.
+
+    Arrays of particles that only failed rock changes (Extent) are copied by their declaration. Every other array needs
+    a line here, or it is that of virgin rock, as the velocity is (tests/mechanics/test_state.py).
+    """
     origin = holding_cells(old.grid, new.grid.cell_index)
     result = new.virgin_state()
     source, as_before = _sources(old, new, origin)
