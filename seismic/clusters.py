@@ -1,4 +1,4 @@
-"""Spatial separation of each family into events (paper 3.2).
+"""Spatial separation of each family into events (paper, section 3.2; docs/explanation/method.md).
 
 All families are handled at once: a neighbour graph joins only particles of one family, so one call on the whole graph
 does what one call per family would. A distance counts in units of the larger particle spacing of the pair, so that a

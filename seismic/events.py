@@ -1,4 +1,6 @@
-"""Seismic events of one mining step, from the plastic strain of its failed particles (paper 3).
+"""Seismic events of one mining step, from the plastic strain of its failed particles.
+
+Paper, section 3; docs/explanation/method.md says which paper.
 
 `sizes_by_closeness` shows what two choices of the extraction change: the closeness above which mechanisms are similar,
 and the cells that count as touching.
@@ -216,7 +218,7 @@ def _check_step(step: xr.Dataset, settings: EventSettings, needed: tuple[str, ..
 
 
 def particle_potency(seismic_strain: NDArray, volume: NDArray, seismic_fraction: float) -> NDArray:
-    """Potency of each failed particle, alpha * strain * V (paper Eqs 12 and 14).
+    """Potency of each failed particle, alpha * strain * V (paper, Eqs 12 and 14).
 
     seismic_strain (particle, 6) 1, tensor shear; volume (particle,) m3, in two dimensions area times thickness;
     seismic_fraction alpha, 0 to 1. Gives (particle, 6) m3.

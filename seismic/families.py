@@ -1,4 +1,4 @@
-"""Families of failed particles with like mechanisms (paper 3.1).
+"""Families of failed particles with like mechanisms (paper, section 3.1; docs/explanation/method.md).
 
 Leaders are found greedily: particles are visited from the largest potency down, and a particle that is close to no
 leader becomes one. Then each particle joins the leader it is closest to. So every particle is in exactly one family,
@@ -19,7 +19,7 @@ PARTICLES_PER_BLOCK = 8192  # Particles between two rounds of comparison with al
 
 
 def closeness(first: NDArray, second: NDArray) -> NDArray:
-    """Cosine between tensors (..., 3, 3): 1 parallel, -1 opposite (paper Eq. 13, departures.md, correction 3).
+    """Cosine between tensors (..., 3, 3): 1 parallel, -1 opposite (paper, Eq. 13; departures.md, correction 3).
 
     A double couple compared with a larger one, with one of opposite sense, and with an explosion:
 

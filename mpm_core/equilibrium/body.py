@@ -208,7 +208,7 @@ class Body:
         """
         model, state = self.model, self.state
         kept = state.velocity.copy()
-        state.velocity[:] = motion
+        state.velocity[:] = motion  # times 1 s it is the motion: the kernel takes a velocity
         spread_to_hanging(self.hanging, model.grid.node_parents, state.velocity)
         state.displacement += state.velocity
         self.start += state.velocity
@@ -262,7 +262,7 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
 
 
 def nodal_mass(model: Model, mass: np.ndarray) -> np.ndarray:
-    """Masses of particles (particle,) kg at the nodes by the shape functions; hanging nodes hand theirs on (Eq. 1)."""
+    """Masses of particles (particle,) kg at nodes by shape functions; hanging nodes hand theirs on (paper, Eq. 1)."""
     nodal = np.zeros((len(model.grid.node_index), 1))
     particles = model.particles
     particle_masses(

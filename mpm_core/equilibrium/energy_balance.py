@@ -5,7 +5,7 @@ and nodes that move by du. Equilibrium is r = F - sum B^T s' V - H = 0 (H: hourg
 constant within an increment. With G = sum B^T s0 V, weight and in-situ stress at the boundary, work is done by F + G.
 
 A path is straight, from one committed state a to the next, b. Along it strain is elastic but for the flow p of failed
-rock, whose path integral of stress : dp is d (kernels.energy). As stress and force are linear in strain and
+rock, whose path integral of stress : dp is d (kernels.energy_sums). As stress and force are linear in strain and
 motion but for that, on every path
 
     (F + G) . du = [sum V s : C^-1 : s / 2] + [q^2 / 2 k] + sum V d + M + R

@@ -1,4 +1,4 @@
-"""Scheme `explicit`: damped symplectic time stepping to equilibrium (paper section 2.2, Eqs 1 to 6; equilibrium.md).
+"""Scheme `explicit`: damped symplectic time stepping to equilibrium (paper, section 2.2, Eqs 1 to 6; equilibrium.md).
 
 Particles rest in their cells, so nodes keep their velocity from step to step: the grid is never reset, and the particle
 velocities of Eqs (1) and (5), which would only filter it, are not needed. moving_scheme.py is the full cycle.

@@ -1,7 +1,7 @@
-"""Scheme `explicit` with `solver.move`: particles carry the motion and travel through the grid (paper section 2.2).
+"""Scheme `explicit` with `solver.move`: particles carry the motion and travel through the grid (paper, section 2.2).
 
 Every step is the full cycle of Eqs (1) to (6), corrected (departures.md): nothing is kept at the nodes. That is
-pure FLIP (Eq. 5): particle velocities that the nodes do not see are neither damped nor do they move or strain
+pure FLIP (paper, Eq. 5): particle velocities that the nodes do not see are neither damped nor do they move or strain
 anything. They are no part of the datasets: every stage starts in equilibrium, without velocity.
 
 What stays small-strain: the loads of excavations are nodal forces fixed in space, volumes and virgin stresses are those
@@ -13,8 +13,8 @@ omega of which it keeps the share p obeys u' = u + dt v', v' = v + dt a, v <- v 
 omega dt <= 2 / sqrt(2 - p). As p may be anything from 0 to 1, the time step is 1 / sqrt(2) of that of body.py.
 
 Light nodes. A particle that enters an empty cell gives its far nodes hardly any mass but its full stress gradient: the
-acceleration has no bound there (Eq. 3). Particles get of it in proportion to that mass, but it would strain them in
-full. In the velocity of Eq. (4) that strains, the mass under the force is therefore at least that of the heaviest
+acceleration has no bound there (paper, Eq. 3). Particles get of it in proportion to that mass, but it would strain
+them in full. In the velocity of Eq. 4 that strains, the mass under the force is therefore at least that of the heaviest
 particle nearby, which a node at the corner of one full cell has anyway. Momentum and equilibrium are not touched. With
 density scaling a particle that changes level takes the density of its new cell, for the same reason.
 """

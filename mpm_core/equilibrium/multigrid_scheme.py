@@ -302,7 +302,7 @@ class MultigridScheme:
     def _move(self, motion: np.ndarray) -> None:
         """Move nodes by motion (element,) m, an array of the solver; stress follows."""
         state = self.state
-        self.solver.to_nodes(motion, state.velocity)
+        self.solver.to_nodes(motion, state.velocity)  # times 1 s it is the motion: the kernel takes a velocity
         state.displacement += state.velocity
         self.body.update(1.0)
         state.velocity[:] = 0.0

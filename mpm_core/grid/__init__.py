@@ -1,5 +1,5 @@
-"""Multi-level grid: cells that are small near excavations, 2:1 balanced, with constraints at hanging nodes (paper 2.1,
-2.2.1)."""
+"""Multi-level grid: cells that are small near excavations, 2:1 balanced, with constraints at hanging nodes (paper,
+sections 2.1 and 2.2.1; docs/explanation/method.md)."""
 
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.building import GridCount, GridMemory, build_grid, count_cells, estimate_memory

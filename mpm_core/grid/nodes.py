@@ -1,4 +1,4 @@
-"""Number the corners of the leaves and find the hanging ones with their parents (paper 2.2.1).
+"""Number the corners of the leaves and find the hanging ones with their parents (paper, section 2.2.1).
 
 Cells come in Morton order, so an aligned block of space is one run of cells. Within a block a small dense table knows
 every node; a hash table is searched only for nodes on a block's surface, which neighbouring blocks share. That keeps

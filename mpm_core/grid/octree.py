@@ -1,4 +1,4 @@
-"""The cells that split, and the leaves that remain (paper 2.1), in 2-D and 3-D.
+"""The cells that split, and the leaves that remain (paper, section 2.1), in 2-D and 3-D.
 
 Cells of level 0 are the base grid, each level halves them, the finest level is ``levels - 1``. Every level but the
 finest has one dense array of flags, "this cell splits"; rings and balance are dilations of such arrays. Balance is 2:1

@@ -1,4 +1,4 @@
-"""The full material point cycle: particles carry mass, momentum and stress through the grid (paper Eqs 1 to 6).
+"""The full material point cycle: particles carry mass, momentum and stress through the grid (paper, Eqs 1 to 6).
 
 One pass over the cells takes each particle through a whole step: nodal velocity and acceleration to its place, velocity
 and stress (5, 6), then from its new place mass, momentum and force back to the corners of its cell (1, 2). Between two
@@ -255,7 +255,7 @@ def move_nodes(
     displacement,
     unbalanced,
 ):
-    """Nodes without parents take what their slots and those of their hanging children hold, and move (Eqs 1 to 4).
+    """Nodes without parents take what slots of theirs and of hanging children hold, and move (paper, Eqs 1 to 4).
 
     a = (f - c |f| sgn v) / m and v = (m v) / m + a dt, with v before the step in the damping. free_nodes, sum_start,
     sum_slots, sum_weights: see block_scatter.Scatter; slot_values (slot, 2 d + 2) from the cycle; external_force, held

@@ -1,4 +1,4 @@
-"""Operations at the nodes: gather forces, advance motion with local damping, spread loads (Eqs 1, 3 and 4)."""
+"""Operations at the nodes: gather forces, advance motion with local damping, spread loads (paper, Eqs 1, 3 and 4)."""
 
 import numpy as np
 from numba import njit, prange
@@ -198,7 +198,7 @@ def particle_masses(cell_nodes, cell, row, modes, dimension, mass, nodal):
 
 @njit(error_model="numpy", cache=True)
 def interpolate(cell_nodes, cell, row, modes, nodal, result):
-    """Nodal values at particles by the trilinear shape functions (paper Eq. 5): result (particle, d), in place.
+    """Nodal values at particles by the trilinear shape functions (paper, Eq. 5): result (particle, d), in place.
 
     row (particle,): of modes (row, 2^d).
     """

@@ -1,4 +1,4 @@
-"""Stress update and internal force of particles that stay in their cells (paper Eqs 2 and 6).
+"""Stress update and internal force of particles that stay in their cells (paper, Eqs 2 and 6).
 
 A field on a cell is handled by its modes: the 2^d products of local coordinates xi_k (Walsh-Hadamard transform of the
 corner values). Mode m is the product of those xi_k whose bit k is set in m; its derivative along xi_k is mode m without
@@ -22,7 +22,8 @@ def flow_at_residual(return_to_surface, particle, lame_lambda, shear_modulus, ro
     """Return a failed particle's stress to its residual surface; the elastic strain it gives up is plastic, aseismic.
 
     return_to_surface: of its law; row: its residual strength row; insitu, stress, later_strain (particle, 6). Returns
-    what the flow dissipates, J/m3, at the stress it ends at: see equilibrium.energy.
+    what the flow dissipates, J/m3, at the stress it ends at: see
+    equilibrium.energy_balance.
     """
     xx = stress[particle, 0] + insitu[particle, 0]
     yy = stress[particle, 1] + insitu[particle, 1]

@@ -1,6 +1,6 @@
-"""The ground of a scene, independent of its cells: the parts that excavations remove, and the rock bodies.
+"""The ground of a scene, independent of its cells: the pieces that excavations remove, and the rock bodies.
 
-A step reads its rock on cells that it names. Excavations are known as parts of finest cells (grid.nc), rock bodies
+A step reads its rock on cells that it names. Excavations are known as pieces of finest cells (grid.nc), rock bodies
 as solids.
 """
 
@@ -26,11 +26,11 @@ from mpm_core.stages.state_transfer import transfer_unsupported
 
 @dataclass(frozen=True)
 class Ground:
-    """A scene, the parts of finest cells inside its excavations, the nodes that lie on edges of these, and which cells
+    """A scene, the pieces of finest cells inside its excavations, the nodes that lie on edges of these, and which cells
     those are: lower corner of the domain (d,) m, edge of a finest cell m."""
 
     scene: Scene
-    parts: FinestPieces
+    pieces: FinestPieces
     edge_nodes: EdgeNodes
     origin: np.ndarray
     fine_cell: float
@@ -58,30 +58,30 @@ class Ground:
     ) -> Model:
         """The scene on a grid; body (cell,): rock body of each cell; unsupported, all_fallen, at: see build_model."""
         distorted = distorted_cells(grid, self.edge_nodes.place, self.edge_nodes.shift)
-        return build_model(self.scene, grid, body, self.pieces(grid), unsupported, all_fallen, distorted, at)
+        return build_model(self.scene, grid, body, self.pieces_on(grid), unsupported, all_fallen, distorted, at)
 
-    def pieces(self, grid: MultiLevelGrid) -> Pieces:
-        """Parts of the cells of a grid inside excavations: of finest cells, as no other is mined."""
-        cell = holding_cells(grid, self.parts.place)
+    def pieces_on(self, grid: MultiLevelGrid) -> Pieces:
+        """Pieces of the cells of a grid inside excavations: of finest cells, as no other is mined."""
+        cell = holding_cells(grid, self.pieces.place)
         finest = grid.cell_level[cell] == grid.levels - 1
-        return Pieces(cell[finest], self.parts.excavation[finest], self.parts.samples[finest])
+        return Pieces(cell[finest], self.pieces.excavation[finest], self.pieces.samples[finest])
 
     def refuse_other(self, grid: MultiLevelGrid, step: int) -> None:
         """Raise InputError if this grid is not of the ground: of another domain, or too coarse where it is mined by a
         step."""
         same = grid.fine_cell == self.fine_cell and np.array_equal(grid.origin, self.origin)
-        parts = self.parts.place[self._mined(step)]
-        if not same or (grid.cell_level[holding_cells(grid, parts)] < grid.levels - 1).any():
+        places = self.pieces.place[self._mined(step)]
+        if not same or (grid.cell_level[holding_cells(grid, places)] < grid.levels - 1).any():
             raise InputError("the state of the step before belongs to another grid; run the pipeline from the grid")
 
     def _mined(self, step: int) -> np.ndarray:
-        """(piece,) bool: True for parts of excavations that are mined up to a step."""
+        """(piece,) bool: True for pieces of excavations that are mined up to a step."""
         mined = np.array([0 <= excavation.mined <= step for excavation in self.scene.excavations] or [False])
-        return mined[self.parts.excavation]
+        return mined[self.pieces.excavation]
 
     def opened(self, grid: MultiLevelGrid, step: int) -> MultiLevelGrid:
         """The grid with finest cells, and rings of them, around all that is mined up to a step."""
-        places = np.unique(self.parts.place[self._mined(step)] >> 1, axis=0)
+        places = np.unique(self.pieces.place[self._mined(step)] >> 1, axis=0)
         rings = self.refinement.rings
         return split(grid, places, rings, rings) if len(places) else grid
 

@@ -99,7 +99,7 @@ class StepSubdomain:
         inside = blocks.hold(model.grid.cell_index)
         ground = replace(
             whole.ground,
-            parts=_inside(whole.ground.parts, blocks),
+            pieces=_inside(whole.ground.pieces, blocks),
             edge_nodes=_moved_as_in(model.grid, whole.ground.edge_nodes, blocks),
         )
         self.whole, self.blocks, self.waits = whole, blocks, False
