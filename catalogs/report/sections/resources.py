@@ -19,7 +19,6 @@ STAGE = re.compile(
     rf"(?:grid|elastic|(?:vtk/)?steps/(?P<step>[^/]+)|record|twin|events|catalogue|comparison|scene|vtk/[^/]+|{COARSE})"
 )
 MADE_BY = {  # stage, and the datasets without all of which its log is of an earlier configuration
-    "events": ("events",),
     "catalogue": ("catalog",),
     "record": ("record",),
     "comparison": ("comparison", "spread", "grid_convergence", "forecast_scores"),
@@ -29,15 +28,10 @@ MADE_BY = {  # stage, and the datasets without all of which its log is of an ear
 
 def section(evidence: Evidence, _: Gallery) -> list[dict]:
     """What the template shows."""
-    absent = {stage for stage, names in MADE_BY.items() if not any(_is_there(evidence, name) for name in names)}
+    absent = {stage for stage, names in MADE_BY.items() if all(getattr(evidence, name) is None for name in names)}
+    absent |= set() if evidence.steps else {"events"}
     members = 0 if evidence.spread is None else int(evidence.spread.attrs["members"])
     return read_resources(evidence.logs, {str(step["step"]) for step in evidence.steps}, absent, members)
-
-
-def _is_there(evidence: Evidence, name: str) -> bool:
-    """Whether the report was given a dataset, or any of several."""
-    given = getattr(evidence, name)
-    return given is not None and given != []
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
