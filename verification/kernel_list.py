@@ -99,7 +99,7 @@ def lines_of(name: str, folder: str = "") -> dict[str, float]:
     mine, lines = listed_mine(name), dict[str, float]()
     calls, listed = dict[tuple, float](), set[tuple]()
     with tempfile.TemporaryDirectory() as other, noted_calls(calls):
-        for made, _, _ in run_stages(mine.run_slices(has_events=False), Path(other) / "failed.npz"):
+        for made, _, _ in run_stages(mine.run_slices(extracted_as=()), Path(other) / "failed.npz"):
             for kernel, types in calls.keys() - listed:
                 module = sys.modules[kernel.py_func.__module__]
                 one = ListedKernel(

@@ -151,11 +151,7 @@ class CalibrationTrials:
         mine = mines[0]
         is_replicate = name.isdigit() and int(name) <= self.settings.replicates
         run = mine.member(int(name)) if is_replicate else mine
-        steps = [
-            {"name": step, "scene": run.step_slice(step), "events": [one.step_events_slice(step) for one in mines]}
-            for step in run.mined_steps
-        ]
-        return {"grid": mine.grid_slice(), "elastic": mine.mechanics_slice(0), "steps": steps}
+        return run.run_slices(extracted_as=mines)
 
     def fit_slice(self, batch: int | None = None) -> dict:
         """What the fit depends on, beside trials and record; with a batch: what its points depend on."""

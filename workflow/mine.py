@@ -5,6 +5,9 @@ not mined yet is the same in a slice whether it is planned or dated later: givin
 that month.
 """
 
+from collections.abc import Sequence
+from typing import Self
+
 from common.setting_types import Settings
 from common.voigt import NAMES
 from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION
@@ -233,17 +236,18 @@ class Mine(MineConfiguration):
             "events": lambda: self.step_events_slice(step),
         }[kind]()
 
-    def run_slices(self, has_events: bool = True) -> dict:
-        """Settings of all stages, for workflow.run_mine.run_stages; has_events: up to the events, else the steps."""
+    def run_slices(self, extracted_as: Sequence[Self] | None = None) -> dict:
+        """Settings of all stages, for workflow.run_mine.run_stages.
+
+        A member of an ensemble has the grid and the elastic state of its mine.
+        extracted_as: mines with whose settings the events of each step are extracted, by default this one; empty: none.
+        """
+        mines = [self] if extracted_as is None else extracted_as
         steps = [
-            {
-                "name": name,
-                "scene": self.step_slice(name),
-                "events": [self.step_events_slice(name)] if has_events else [],
-            }
+            {"name": name, "scene": self.step_slice(name), "events": [one.step_events_slice(name) for one in mines]}
             for name in self.mined_steps
         ]
-        return {"grid": self.grid_slice(), "elastic": self.mechanics_slice(0), "steps": steps}
+        return {"grid": self.grid_slice(), "elastic": self.member(0).mechanics_slice(0), "steps": steps}
 
     def record_slice(self) -> dict:
         """What record.nc depends on besides the recorded data."""

@@ -38,7 +38,7 @@ def run(levels: int, size: float, folder: Path) -> dict[str, float]:
     stope |= {"lower": [f"{x} m" for x in middle - half], "upper": [f"{x} m" for x in middle + half]}
     changes = {"name": "failing", "grid": {"coarse_cell": "10 m", "levels": levels, "buffer_cells": 1}}
     mine = load(merge(merge(default, values), changes), folder / "failing.yaml", default)
-    stages = run_stages(mine.run_slices(has_events=False), folder / "failed.npz")
+    stages = run_stages(mine.run_slices(extracted_as=()), folder / "failed.npz")
     next(stages), next(stages)  # grid and elastic stage
     before = time.process_time()
     _, _, facts = next(stages)

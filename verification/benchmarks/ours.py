@@ -37,7 +37,7 @@ def solve(settings: Settings, case: Case, threads: int) -> None:
 def run(mine: Mine, begin=lambda: None) -> tuple[dict, xr.Dataset, xr.Dataset]:
     """Run a case: reported facts, the last stage's dataset, and the grid. `begin` is called before the last stage."""
     with tempfile.TemporaryDirectory() as folder:
-        stages = run_stages(mine.run_slices(has_events=False), Path(folder) / "failed.npz")
+        stages = run_stages(mine.run_slices(extracted_as=()), Path(folder) / "failed.npz")
         start = time.perf_counter()
         _, grid, _ = next(stages)
         grid_seconds = time.perf_counter() - start

@@ -44,8 +44,7 @@ def case_slice(trials: CalibrationTrials, case: str) -> dict:
     except (InputErrors, InputError) as error:
         sys.exit(f"{FILE.relative_to(BASE)}: {case}: {error}")
     mine = mine.coarser() if trials.settings.cells == DOUBLED else mine
-    run = mine.member(MEMBER)
-    return run.run_slices() | {"grid": mine.grid_slice(), "elastic": mine.mechanics_slice(0)}
+    return mine.member(MEMBER).run_slices()
 
 
 def truths(trials: CalibrationTrials) -> dict[str, list[float]]:

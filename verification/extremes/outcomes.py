@@ -70,7 +70,7 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
     try:
         with _limit(seconds):
             mine = load(merge(default_settings(), values), folder / "mine.yaml", default_settings())
-            for name, dataset, _ in run_stages(mine.run_slices(has_events=False), failed):
+            for name, dataset, _ in run_stages(mine.run_slices(extracted_as=()), failed):
                 outcome.stored[name.removeprefix("steps/")] = dataset
         grid = outcome.stored["grid"]
         wrong = [fault for state in outcome.states.values() for fault in faults(values, grid, state)]
