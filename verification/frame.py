@@ -57,7 +57,7 @@ def load(name: str) -> MeasuringStudy:
     """A measuring study by its name. Raises InputError if there is none."""
     if name not in MEASURING:
         raise InputError(f"no measuring study '{name}'; there are {', '.join(MEASURING)}")
-    return importlib.import_module(f"verification.{MEASURING[name].package}.study").STUDY
+    return importlib.import_module(f"verification.{name}.study").STUDY
 
 
 def measure_case(study: str, case: str, inputs: Inputs, threads: int, output: Path) -> None:

@@ -73,9 +73,8 @@ class Studies:
         Ends the run in one line for a scene of a measuring study, whose rows stand in the table of that study.
         """
         answer = self.read(wildcards.study).answer
-        for target, measuring in MEASURING.items():
-            if answer == measuring.package:
-                sys.exit(f"config/verification/{wildcards.study}.yaml: its rows stand in results/{target}/table.csv")
+        if answer in MEASURING:
+            sys.exit(f"config/verification/{wildcards.study}.yaml: its rows stand in results/{answer}/table.csv")
         return package_hash(*MODEL, "verification")
 
     def results(self, wildcards: Wildcards) -> list[str]:
@@ -96,13 +95,12 @@ class Studies:
 class Measuring:
     """What the rules know of a study that measures cases of its own; they do not load its package.
 
-    package: the package of verification with its STUDY (verification.frame). names: names of its cases, in the order of
-    its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`. uses: parts of verification that
-    a case runs beside its package and SHARED. tables: names of the tables that it writes beside "table".
-    numerics: folders with which its results may change, beside verification.made.NUMERICS.
+    Its package in verification has its name, and in it STUDY (verification.frame). names: names of its cases, in the
+    order of its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`. uses: parts of
+    verification that a case runs beside its package and SHARED. tables: names of the tables that it writes beside
+    "table". numerics: folders with which its results may change, beside verification.made.NUMERICS.
     """
 
-    package: str
     names: Callable[["Cases"], list[str]]
     memory: int = 0
     uses: tuple[str, ...] = ()
@@ -113,7 +111,6 @@ class Measuring:
 MEASURING = {  # By the name of the target.
     # What each setting buys: speed against accuracy.
     "tradeoff": Measuring(
-        "tradeoff",
         lambda cases: cases.studies.named("tradeoff_"),
         memory=6000,
         uses=("answers/kirsch", "answers/sphere.py", "cavities"),
@@ -122,24 +119,21 @@ MEASURING = {  # By the name of the target.
     # Variances of potency, number, b and the largest event by source; what an ensemble costs and buys. The smallest
     # scene is the first.
     "catalog_spread": Measuring(
-        "spread",
         lambda cases: cases.studies.named("spread_")[::-1],
         memory=4000,
         uses=("tradeoff",),
         numerics=("catalogs",),
     ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
-    "benchmarks": Measuring(
-        "benchmarks", lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000
-    ),
+    "benchmarks": Measuring(lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000),
     # The numerics driven until they break, one setting at a time.
     "stability": Measuring(
-        "stability", lambda cases: list(KEYS), memory=2000, uses=("cavities", "extremes"), tables=("ranges", "settings")
+        lambda cases: list(KEYS), memory=2000, uses=("cavities", "extremes"), tables=("ranges", "settings")
     ),
     # Random mines at the extremes. Its cases are cases of stability, so that none runs for both.
-    "extremes": Measuring("extremes", lambda cases: list(SEVERAL_SEEDS), tables=("ranges", "settings")),
+    "extremes": Measuring(lambda cases: list(SEVERAL_SEEDS), tables=("ranges", "settings")),
     # Coverage and widths of a calibration's intervals, twins that come back, records that are flagged, another sampler.
-    "calibration_truth": Measuring("calibration_truth", lambda cases: list(TERMS), numerics=("calibration",)),
+    "calibration_truth": Measuring(lambda cases: list(TERMS), numerics=("calibration",)),
 }
 BY_RULE_CASE = [target for target, measuring in MEASURING.items() if measuring.memory]
 MODEL = ("common", "mpm_core", "seismic", "catalogs", "workflow")  # Packages that answers and cases measure.
@@ -148,8 +142,7 @@ SHARED = ("comparisons.py", "results.py", "rows.py", "scenes.py", "studies.py") 
 
 def case_sources(target: str) -> str:
     """Hash of what the cases of a target run. Its pages and figures are left out: they measure nothing."""
-    measuring = MEASURING[target]
-    parts = (measuring.package, *measuring.uses, *SHARED)
+    parts = (target, *MEASURING[target].uses, *SHARED)
     return package_hash(*MODEL, *(f"verification/{part}" for part in parts))
 
 

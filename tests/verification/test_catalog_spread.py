@@ -15,10 +15,19 @@ from catalogs.settings import ComparisonSettings
 from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED
 from common.costs import Costs
 from common.errors import InputError
-from verification.spread.figure import draw
-from verification.spread.runs import CELLS, CLOSENESS, LOADING, MEMBERS, QUANTITIES, Catalogue, catalogue, read_sources
-from verification.spread.study import STUDY, Scene
-from verification.spread.variances import values_of, variances
+from verification.catalog_spread.figure import draw
+from verification.catalog_spread.runs import (
+    CELLS,
+    CLOSENESS,
+    LOADING,
+    MEMBERS,
+    QUANTITIES,
+    Catalogue,
+    catalogue,
+    read_sources,
+)
+from verification.catalog_spread.study import STUDY, Scene
+from verification.catalog_spread.variances import values_of, variances
 
 
 def made_up(potency: float, b: float = 1.0, law: str = POWER, seconds: float = 10.0) -> Catalogue:

@@ -134,11 +134,10 @@ def measured_modules(module: str) -> set[str]:
 
 @pytest.mark.parametrize("target", [*BY_RULE_CASE, "calibration_truth"])
 def test_what_a_case_imports_is_in_the_hash_of_its_sources(target):
-    measuring = MEASURING[target]
-    parts = [ROOT / "verification" / part for part in (measuring.package, *measuring.uses, *SHARED)]
+    parts = [ROOT / "verification" / part for part in (target, *MEASURING[target].uses, *SHARED)]
     found = {
         name
-        for name in measured_modules(f"verification.{measuring.package}.study")
+        for name in measured_modules(f"verification.{target}.study")
         if not any(MODULES[name].is_relative_to(part) for part in parts)
     }
     in_job = {"calibration"} if target == "calibration_truth" else set()  # of the calibration that the case repeats

@@ -5,8 +5,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.spread.runs import MEMBERS, QUANTITIES, SOURCES, Catalogue
-from verification.spread.variances import values_of, variances
+from verification.catalog_spread.runs import MEMBERS, QUANTITIES, SOURCES, Catalogue
+from verification.catalog_spread.variances import values_of, variances
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe and Ito (2008)
 CHARACTER_WIDTH = 0.015  # Width of a character of a label, as a share of a panel's width.

@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.stats import chi2
 
 from catalogs.sources.size_law import FEW, NONE, TRUNCATED
-from verification.spread.runs import CELLS, LOADING, MEMBERS, QUANTITIES, Catalogue
+from verification.catalog_spread.runs import CELLS, LOADING, MEMBERS, QUANTITIES, Catalogue
 
 MIN_VALUES = 3  # Fewer values are given no variance.
 ALSO_CHANCE = (LOADING, CELLS)  # Sources whose runs differ by chance as well.

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from verification.catalog_spread.figure import draw
+from verification.catalog_spread.runs import MEMBERS, SOURCES, Catalogue, read_base, read_sources
+from verification.catalog_spread.variances import values_of, variances
 from verification.frame import CaseResults, Inputs, MeasuringStudy, read_study
 from verification.page_tables import Columns
 from verification.results import Results
-from verification.spread.figure import draw
-from verification.spread.runs import MEMBERS, SOURCES, Catalogue, read_base, read_sources
-from verification.spread.variances import values_of, variances
 
 
 @dataclass(frozen=True)
