@@ -5,7 +5,7 @@ is scored when the record covers the whole step, and if the mine file now mines 
 forecast. Nothing of it is computed again.
 
 Layout of forecast_scores.nc: ROW_FIELDS and CHANCE_FIELDS. Dimensions: row (a step of a forecast), quantity (number,
-potency: m3, largest: log10 m3), interval (lower, upper: 95 %), said (a chance that was given for a row).
+potency: m3, largest: log10 m3), interval (lower, upper: 95 %), chance (one that was given for a row).
 
 Attributes: mine, sentences (JSON: all of it in words, for the report), and those of a job's provenance (common.job).
 """
@@ -67,14 +67,18 @@ ROW_FIELDS = (
     _field("floor", "row", "log10(m3)", "size from which events count"),
 )
 CHANCE_FIELDS = {  # by the name of the attribute of ForecastChance
-    "row": _field("said_row", "said", "", "row that the chance is for", np.int32),
-    "opening": _field("said_opening", "said", "", "opening near which the event is expected", TEXT),
-    "distance": _field("said_distance", "said", "m", "distance within which it is expected"),
-    "size": _field("said_size", "said", "", "class of its size", TEXT),
-    "magnitude": _field("said_magnitude", "said", "", "moment magnitude of the class"),
-    "forecast_probability": _field("said_chance", "said", "1", "chance of such an event while the step lasts"),
-    "occurred": _field("happened", "said", "1", "1: there was such an event", np.int8),
-    "rate_probability": _field("rate_chance", "said", "1", "chance at the rate of the record that the forecast had"),
+    "row": _field("chance_row", "chance", "", "row that the chance is for", np.int32),
+    "opening": _field("chance_opening", "chance", "", "opening near which the event is expected", TEXT),
+    "distance": _field("chance_distance", "chance", "m", "distance within which it is expected"),
+    "size": _field("chance_size", "chance", "", "class of its size", TEXT),
+    "magnitude": _field("chance_magnitude", "chance", "", "moment magnitude of the class"),
+    "forecast_probability": _field(
+        "forecast_probability", "chance", "1", "chance of such an event while the step lasts"
+    ),
+    "occurred": _field("occurred", "chance", "1", "1: there was such an event", np.int8),
+    "rate_probability": _field(
+        "rate_probability", "chance", "1", "chance at the rate of the record that the forecast had"
+    ),
 }
 
 
@@ -391,9 +395,9 @@ def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
             f"Recorded places are {number(np.exp(gain), 2)} times as probable as under a uniform rate (information "
             f"gain {fixed(gain, 2)} nats per event)."
         )
-    own = scores["said_row"].values == row
+    own = scores["chance_row"].values == row
     if own.any():
-        yield _chances(*(scores[name].values[own] for name in ("said_chance", "happened", "rate_chance")))
+        yield _chances(*(scores[name].values[own] for name in ("forecast_probability", "occurred", "rate_probability")))
 
 
 def _size(size: float) -> str:
