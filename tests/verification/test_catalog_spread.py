@@ -68,7 +68,7 @@ def test_where_b_is_not_defined_there_is_no_variance_but_a_reason():
     runs[CELLS] = [made_up(1.0), made_up(1.0, np.nan, FEW), made_up(1.0, np.nan, NONE)]
     found = variances(values_of(runs))
     cells = of(found, "b", CELLS)
-    assert np.isnan([cells.variance, cells.standard_deviation]).all()
+    assert np.isnan([cells.variance, cells.standard_deviation, cells.variance_of_its_own, cells.share]).all()
     assert cells.defined_in == 1
     assert cells.not_defined == "too few events in 1, no power law in 1 of 3"
     assert np.isnan(of(found, "b", MEMBERS).share)  # the sum is not known

@@ -45,8 +45,8 @@ def variances(values: pd.DataFrame) -> pd.DataFrame:
 
     runs: their labels. defined_in: number of values that are defined; mean, least and largest are theirs. variance:
     between runs. variance_of_its_own: what the source adds to that between members. share: of this in the sum of all
-    sources. variance is NaN of fewer than MIN_VALUES values; such a source of ALSO_CHANCE adds nothing, and of another
-    source all three are NaN. lower_95, upper_95: interval of the standard deviation for normal values; NaN except for
+    sources. variance is NaN of fewer than MIN_VALUES values; then what the source adds is not known, and no share of the
+    quantity is. lower_95, upper_95: interval of the standard deviation for normal values; NaN except for
     members, which are random draws. not_defined: how many values are missing, and why.
     """
     table = values.groupby(["quantity", "source"], sort=False, as_index=False).agg(
@@ -62,7 +62,7 @@ def variances(values: pd.DataFrame) -> pd.DataFrame:
     chance = table["quantity"].map(table[of_members].set_index("quantity")["variance"])
     is_chance = table["source"].isin(ALSO_CHANCE)
     own = (table["variance"] - chance.where(is_chance, 0.0)).clip(lower=0.0)
-    own = own.mask(is_chance & own.isna(), 0.0).where(chance.notna())
+    own = own.where(chance.notna())
     together = own.groupby(table["quantity"]).transform(lambda part: part.sum(skipna=False))  # NaN where one is.
     freedom = table["defined_in"] - 1
     spread = (table["variance"] * freedom).where(of_members)
