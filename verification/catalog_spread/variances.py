@@ -44,9 +44,9 @@ def variances(values: pd.DataFrame) -> pd.DataFrame:
     """One row, of COLUMNS, for each quantity and source of `values_of`, source by source within each quantity.
 
     runs: their labels. defined_in: number of values that are defined; mean, least and largest are theirs. variance:
-    between runs. variance_of_its_own: what the source adds to that between members. share: of this in the sum of all
-    sources. variance is NaN of fewer than MIN_VALUES values; then what the source adds is not known, and no share of the
-    quantity is. lower_95, upper_95: interval of the standard deviation for normal values; NaN except for
+    between runs; NaN of fewer than MIN_VALUES values. variance_of_its_own: what the source adds to that between
+    members. share: of this in the sum of all sources. Where one of the variances is NaN, what its source adds is not
+    known, and no share is. lower_95, upper_95: interval of the standard deviation for normal values; NaN except for
     members, which are random draws. not_defined: how many values are missing, and why.
     """
     table = values.groupby(["quantity", "source"], sort=False, as_index=False).agg(
