@@ -1,1 +1,1 @@
-"""What the stages share: errors in one line, whole files, the tables of what files hold, sources, a command's body."""
+"""Code that stages share: errors in one line, whole files, tables of the fields of files, sources, a command's body."""

@@ -92,7 +92,7 @@ def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
 
 
 def is_compressible(values: np.ndarray) -> bool:
-    """Whether a sample of the array shrinks enough, its bytes shuffled as netCDF does it."""
+    """True if a sample of the array, shuffled by bytes as netCDF does it, shrinks to less than MAX_COMPRESSED_SHARE."""
     flat = values.reshape(-1)
     starts = np.arange(0, len(flat), max(VALUES_PER_RUN, len(flat) // (SAMPLE_VALUES // VALUES_PER_RUN)))
     sample = np.concatenate([flat[start : start + VALUES_PER_RUN] for start in starts])
@@ -106,7 +106,7 @@ def rows_of_chunk(rows: int) -> int:
 
 
 def has_fletcher32(variable: xr.Variable) -> bool:
-    """Whether the variable is stored with netCDF's own checksum: numbers, and enough of them to be compressed."""
+    """True if the variable is stored with netCDF's own checksum: more than MIN_VALUES_COMPRESSED numbers."""
     return np.issubdtype(variable.dtype, np.number) and variable.size > MIN_VALUES_COMPRESSED
 
 
@@ -163,7 +163,7 @@ def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
 
 
 def is_as_written(dataset: xr.Dataset) -> bool:
-    """Whether attributes, text and small arrays match the file's checksum; True for a file without one."""
+    """True if attributes, text and small arrays match the file's checksum; True for a file without one."""
     try:
         return dataset.attrs.get(CHECKSUM) in (None, checksum(dataset))
     except (OSError, ValueError, RuntimeError):
@@ -171,7 +171,7 @@ def is_as_written(dataset: xr.Dataset) -> bool:
 
 
 def is_readable(dataset: xr.Dataset) -> bool:
-    """Whether every variable can be read."""
+    """True if every variable of the dataset can be read."""
     try:
         for variable in dataset.variables.values():
             variable.values  # noqa: B018

@@ -100,7 +100,7 @@ def new_catalog(count: int, attributes: Mapping, **values) -> xr.Dataset:
 
 
 def check_events(dataset: xr.Dataset, source: str) -> xr.Dataset:
-    """The same events, text and time as the table has them. Other variables may stand by; `source` names it in errors.
+    """Copy of events, text and time as the table has them. Other variables are allowed; `source` names it in errors.
 
     Raises InputError, one line, where a variable or attribute is missing or is not what the table says.
     """

@@ -1,4 +1,4 @@
-"""What is done once a module of another package is imported: numba takes a second, and most processes never need it."""
+"""Actions run once a module of another package is imported: numba takes a second, and most processes never need it."""
 
 import importlib.util
 import sys

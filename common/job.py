@@ -64,7 +64,7 @@ class Job:
         return next(path for path in self.outputs if name in ("", path.name))
 
     def writes(self, name: str) -> bool:
-        """Whether one of the paths written has this file name."""
+        """True if one of the paths written has this file name."""
         return any(path.name == name for path in self.outputs)
 
     def provenance(self) -> dict[str, str]:

@@ -34,7 +34,7 @@ def _name_files(caching: ModuleType) -> None:
 
 @functools.cache  # once
 def _wait_for_others(dispatcher: ModuleType) -> None:
-    """What another process compiles is read from its file, once it is there."""
+    """Let one process at a time compile a kernel; the others wait and read the compiled code from its file."""
     compile_or_read = dispatcher.Dispatcher.compile
 
     def compile_alone(self, sig):

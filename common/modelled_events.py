@@ -1,4 +1,4 @@
-"""What modelled events have in common, whatever model makes them: size, axes and type, and times within a step."""
+"""Size, axes and type of modelled events, and their times within a step, for every model that makes events."""
 
 import numpy as np
 import pandas as pd

@@ -21,7 +21,7 @@ KILLED = (
 
 
 def call_all(parts: Parts, processes: int) -> dict[str, Any]:
-    """What each part returns, by name. Parts are called in their order: that which takes longest should come first.
+    """Results of all parts, by name. Parts are called in their order: that which takes longest should come first.
 
     Raises what the first of those that fail raises. What a part does to objects of the stage stays in its process. With
     one process, and on systems other than Linux, parts are called here, one after the other.
@@ -43,7 +43,10 @@ def _frozen_heap() -> Iterator[None]:
 
 
 def _in_processes(parts: Parts, processes: int) -> dict[str, Any]:
-    """The same in several processes, which end with this one, whatever ends it."""
+    """Results of all parts, by name, called in several forked processes, which end with this one, whatever ends it.
+
+    Raises InputError if a process is killed, otherwise what the first part that fails raises.
+    """
     pool = ProcessPoolExecutor(processes, multiprocessing.get_context("fork"), _begin, (parts,))
     try:
         called = {name: pool.submit(_call, name) for name in parts}

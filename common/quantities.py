@@ -21,7 +21,7 @@ def units():
 
 @cache
 def factor(text: str, unit: str) -> float:
-    """How many `unit` the unit `text` has. Raises ValueError with the reason; a large mine uses only a few units."""
+    """Factor that converts a number in the unit `text` to `unit`. Raises ValueError if there is none."""
     if text == unit:
         return 1.0
     import pint

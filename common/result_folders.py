@@ -25,5 +25,5 @@ _NOTES = {
 
 
 def notes_on(path: str) -> list[str]:
-    """What a user should know of the run that a path of results belongs to; empty for the mine's own run."""
+    """Notes on the run that a path belongs to: which it is, which key leaves it out; [] for the mine's own run."""
     return [note for folder, note in _NOTES.items() if re.search(folder, path)]

@@ -94,7 +94,7 @@ def clear_axes(tensor: NDArray) -> NDArray:
 
 
 def point_down(axes: NDArray) -> NDArray:
-    """The same axes (..., 3), unit vectors, in the one sense that all files have: an axis and its opposite are one.
+    """Unit axes (..., 3), reversed where they point up, as all files have them: an axis and its opposite are one.
 
     Down: z < 0. Within MAX_HORIZONTAL_COMPONENT of the horizontal z is 0, and the axis points north: y > 0. One that
     runs east and west within the same points east: x > 0. So round-off does not decide.
