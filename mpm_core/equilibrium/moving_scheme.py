@@ -159,7 +159,7 @@ class MovingBody(Body):
             self.update(0.0)
 
     def check_reach(self, ratio: float) -> None:
-        """Particles may go far, but not out of the domain; _relocate sees to that."""
+        """Check nothing: particles may move any distance, and _relocate raises if one leaves the domain."""
 
     def _position(self) -> np.ndarray:
         cell = self.state.cell

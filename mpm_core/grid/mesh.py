@@ -116,14 +116,14 @@ class MultiLevelGrid:
 
     @cached_property
     def present(self) -> np.ndarray:
-        """(base cells along each axis) bool: those that the grid has; all of them, but in a subdomain of a mine"""
+        """Base cells that the grid has, (base cells along each axis) bool: all of them except in a subdomain."""
         found = np.zeros(self.shape >> self.levels - 1, bool)
         found[tuple((self.cell_index >> self.levels - 1).T)] = True
         return found
 
     @property
     def cells_per_level(self) -> np.ndarray:
-        """(levels,) int64"""
+        """Number of cells of each level, (levels,) int64."""
         return np.bincount(self.cell_level, minlength=self.levels)
 
     def boundary_nodes(self, axis: int, side: int) -> np.ndarray:
@@ -133,7 +133,7 @@ class MultiLevelGrid:
         return self.node_index[:, axis] == side * self.shape[axis]
 
     def border_nodes(self) -> np.ndarray:
-        """(node,) bool: corners of faces beyond which the domain goes on, but not the grid; none but in a subdomain."""
+        """Nodes (node,) bool of faces where a subdomain's grid ends inside the domain; none in a whole mine."""
         result = np.zeros(len(self.node_index), bool)
         if self.present.all():
             return result

@@ -297,7 +297,7 @@ def _added(sums):
 
 
 def hourglass_modulus(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
-    """Modulus that hourglass stiffness is in proportion to, Pa: lambda + 2 mu (k,), Pa, but for MAX_HOURGLASS_LAME."""
+    """Modulus (k,) Pa that hourglass stiffness is in proportion to: lambda + 2 mu, lambda <= MAX_HOURGLASS_LAME mu."""
     return np.minimum(lame, MAX_HOURGLASS_LAME * shear) + 2.0 * shear
 
 

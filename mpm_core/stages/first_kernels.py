@@ -55,17 +55,17 @@ class ListedKernel:
 
     @classmethod
     def read(cls, line: str) -> "ListedKernel":
-        """From a line of the list."""
+        """Kernel listed by a line: stage, dimension, module, name and types, separated by blanks."""
         stage, dimension, module, name, *types = line.split(" ")
         return cls(stage, int(dimension), module, name, tuple(types))
 
     def line(self) -> str:
-        """As the list has it."""
+        """Line of the list that `read` reads: stage, dimension, module, name and types, separated by blanks."""
         return " ".join([self.stage, str(self.dimension), self.module, self.name, *self.types])
 
     @property
     def needs_law(self) -> bool:
-        """Whether the kernel is made for a law of failure."""
+        """True if the kernel is made for a law of failure."""
         return "(law" in self.name
 
     def find(self, law: ModuleType | None) -> Dispatcher:

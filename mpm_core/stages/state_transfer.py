@@ -198,7 +198,7 @@ def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np
 
 @njit(parallel=True, cache=True)
 def _take_rows(source, values, result):
-    """Rows `source` (k,) of values (n, m), but where that is NO_SOURCE: result (k, m), written there."""
+    """Copy rows `source` (k,) of values (n, m) to result (k, m), except rows whose source is NO_SOURCE."""
     for i in prange(len(source)):
         if source[i] != NO_SOURCE:
             for j in range(values.shape[1]):
