@@ -57,7 +57,7 @@ class CalibrationTrials:
         return self.mine.settings.calibration
 
     def batch_file(self, batch: int | str) -> str:
-        """Where the points of a further batch are written."""
+        """Path of the file with the points of a further batch of trials."""
         return f"{self.folder.as_posix()}/batch_{batch}.json"
 
     @functools.cached_property
@@ -146,7 +146,7 @@ class CalibrationTrials:
         return mine.coarser() if cells == DOUBLED else mine
 
     def slice_of(self, name: str, cells: str) -> dict:
-        """What a trial depends on: settings of stage `trial` (workflow/stages/calibration.py)."""
+        """Settings that a trial depends on, those of stage `trial` (workflow/stages/calibration.py)."""
         mines = [self.mine_at(name, row, cells) for row in self.rows(name)]
         mine = mines[0]
         is_replicate = name.isdigit() and int(name) <= self.settings.replicates
@@ -154,7 +154,7 @@ class CalibrationTrials:
         return run.run_slices(extracted_as=mines)
 
     def fit_slice(self, batch: int | None = None) -> dict:
-        """What the fit depends on, beside trials and record; with a batch: what its points depend on."""
+        """Settings that the fit depends on, besides trials and record; with a batch, those of the batch's points."""
         mine = self.mine
         text = {key: value for key, value in mine.text.items() if key != "calibration"}
         names = self.all_names if batch is None else self.names_before(batch)
@@ -173,7 +173,7 @@ class CalibrationTrials:
         }
 
     def _kind(self, name: str) -> str:
-        """As calibration.page.Trials has it."""
+        """Kind of a trial, as calibration.page.Trials names it: replicate, design, or further (of a further batch)."""
         if not name.isdigit():
             return "further"
         return "replicate" if int(name) <= self.settings.replicates else "design"

@@ -230,7 +230,7 @@ def _check_forms(mine: Mine, mistakes: Mistakes) -> None:
 
 
 def _check_places(mine: Mine, mistakes: Mistakes) -> None:
-    """Where all solids lie outside the domain, the first stands for them: the domain may be the mistake."""
+    """Add misplaced solids to `mistakes`; only the first if all of several are: the domain may be the mistake."""
     found, solids = Mistakes(), list(_solids(mine))
     for where, solid in solids:
         with found.gather():

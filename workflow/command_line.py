@@ -33,7 +33,10 @@ def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> N
 
 
 def read_overrides(entries: Sequence[str] | None) -> dict:
-    """What --config sets, key=value each; a value as in a mine's file. Raises InputError that shows how to write it."""
+    """Keys and values that --config sets, from entries key=value, values as in a mine's file.
+
+    Raises InputError, which shows how to write it, for an entry that is malformed or whose key stands twice.
+    """
     overrides = {}
     for entry in entries or ():
         key, equals, value = entry.partition("=")

@@ -125,6 +125,6 @@ def valid_subset(text: dict, keys: Iterable[str]) -> tuple[dict, MineSettings | 
 
 
 def _named(section: str, entry) -> dict | None:
-    """What remains of a wrong entry."""
+    """Entry {"name": ...} that stands for a wrong step; None for other entries and for steps without a name."""
     is_named = section == "steps" and isinstance(entry, dict) and isinstance(entry.get("name"), str)
     return {"name": entry["name"]} if is_named else None

@@ -18,7 +18,7 @@ def read_date(where: str, text: str) -> datetime.datetime:
 
 
 def is_date(text: str) -> bool:
-    """Whether a text is a date that can be used."""
+    """True if a text is a date that read_date accepts."""
     try:
         read_date("", text)
     except InputError:

@@ -84,7 +84,7 @@ def _sizes(grid: GridSettings) -> tuple[float | None, int | None]:
 
 
 def largest_cell_name(mine: Mine) -> str:
-    """What the largest cell is by the keys that the mine's file gives."""
+    """Text for messages on the keys that set the largest cell: grid.coarse_cell, or finest_cell and levels."""
     if "coarse_cell" in mine.written_cells:
         return "grid.coarse_cell"
     return f"grid.finest_cell times 2^{mine.settings.grid.levels - 1} (grid.levels)"
@@ -261,7 +261,7 @@ def _openings_of_file(mine: Mine, where: str, solid: SolidSettings) -> Iterator[
 
 
 def _picked(solid: SolidSettings) -> tuple:
-    """What of a file is meant, as a tuple that a cache may keep."""
+    """Given keys of a solid from a file, except `file` (layer, units, ...), with values: hashable, for a cache."""
     keys = [key for key in FileSettings.model_fields if key in solid.model_fields_set and key != "file"]
     return tuple((key, getattr(solid, key)) for key in keys)
 

@@ -63,7 +63,7 @@ class Folders:
 
     @property
     def pattern_with_coarse(self) -> str:
-        """The same with the folders of companions."""
+        """Regular expression of the wildcard `mine`, folders of companions (cells of twice the size) included."""
         return f"({self.places})(/(?:{ALL_RUNS}))?"
 
     def parts(self, folder: str) -> tuple[str, str]:
@@ -121,7 +121,7 @@ class Folders:
         return folder
 
     def _is_alike(self, folder: str, other: str, stage: str) -> bool:
-        """Whether the mines of two folders differ in nothing that a stage depends on, itself or through others."""
+        """True if the mines of two folders agree in all settings that a stage and the stages before it depend on."""
         mines = [self.mine_at(folder), self.mine_at(other)]
         kind, _, step = stage.partition("/")
         needed = ["grid"] if kind == "grid" else ["grid", "elastic"]

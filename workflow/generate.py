@@ -238,7 +238,7 @@ def _sections() -> Iterator[tuple[str, str]]:
 
 
 def _choice(section: type[Settings]) -> str:
-    """What of a heading says which of several models a section is of."""
+    """End of a section's heading, ", key value", that tells which of several models the section is of."""
     single = {name: get_args(field.annotation) for name, field in section.model_fields.items() if field.is_required()}
     key, values = next((name, values) for name, values in single.items() if len(values) == 1)
     return f", {key} {values[0]}"
@@ -295,7 +295,7 @@ def _default(field: FieldInfo) -> str:
 
 
 def _meaning(model: type[Settings], name: str, section: type[Settings] | None) -> str:
-    """What a field of a model means."""
+    """Meaning of a model's field, in one line for a Markdown table: the field's docstring, or its section's."""
     text = model.meanings().get(name) or (section.__doc__ if section else "") or ""
     return " ".join(text.split()).replace("|", "/")
 

@@ -62,7 +62,7 @@ def _places(file: Path) -> Callable[[list[str | int]], int]:
 
 
 def _children(node: yaml.Node) -> Iterator[tuple[str | int, tuple[int, yaml.Node]]]:
-    """What stands in a node: keys of a mapping; entries of a list by number and, if they have one, by name."""
+    """Children of a node, (key, (offset in the text, node)); entries of a list by number and, if named, by name."""
     if isinstance(node, yaml.MappingNode):
         yield from ((key.value, (key.start_mark.index, value)) for key, value in node.value)
     elif isinstance(node, yaml.SequenceNode):
@@ -73,7 +73,7 @@ def _children(node: yaml.Node) -> Iterator[tuple[str | int, tuple[int, yaml.Node
 
 
 def _is_said(overrides: dict, parts: list[str | int]) -> bool:
-    """Whether --config sets a key or its section."""
+    """True if --config sets a key, given by its parts, or one of the sections around it."""
     for part in parts:
         if not isinstance(overrides, dict):
             return True

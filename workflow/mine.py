@@ -136,7 +136,7 @@ class Mine(MineConfiguration):
         return {"constant": in_voigt_order(stress.constant), "gradient": in_voigt_order(stress.gradient)}
 
     def _refinement(self) -> dict:
-        """How cells follow the rock, and the rock bodies that parts of them are of."""
+        """Settings of adaptive refinement that the grid depends on: buffer rings, limit of cells, rock bodies."""
         grid = self.settings.grid
         bodies = [self._shape(body) for body in self.settings.rock_bodies]
         return {"rings": grid.buffer_cells, "max_cells": grid.max_cells, "bodies": bodies}
@@ -164,7 +164,7 @@ class Mine(MineConfiguration):
         return {"mine": self.name, "frame": settings.frame.given(), **flat, **settings.seismic.given()}
 
     def step_events_slice(self, step: str) -> dict:
-        """What the events of one step depend on, beside its state: the settings of the catalogue, and its dates."""
+        """Settings that a step's events depend on, besides its state: those of the catalogue, and the step's dates."""
         return self.catalogue_slice() | self._dates(step)
 
     def events_slice(self) -> dict:
@@ -178,7 +178,7 @@ class Mine(MineConfiguration):
         return {"start": own.start or "", "end": own.end or ""}
 
     def spread_slice(self) -> dict:
-        """What spread.nc depends on besides the runs of the ensemble."""
+        """Settings that spread.nc depends on, besides the runs of the ensemble."""
         return {
             "mine": self.name,
             "members": self.members,
@@ -187,11 +187,11 @@ class Mine(MineConfiguration):
         }
 
     def convergence_slice(self) -> dict:
-        """What grid_convergence.nc depends on besides the runs on cells of this size and of twice the size."""
+        """Settings that grid_convergence.nc depends on, besides the runs on cells of both sizes."""
         return {"mine": self.name, "steps": self.dated_steps, "cells": [self.finest_cell, 2 * self.finest_cell]}
 
     def comparison_slice(self) -> dict:
-        """What comparison.nc depends on besides the two catalogues and the events of the ensemble's members."""
+        """Settings that comparison.nc depends on, besides the two catalogues and the events of the members."""
         return {
             **self.settings.comparison.given(),
             "steps": [step.given() for step in self.listed_steps if step.is_dated],
@@ -200,8 +200,10 @@ class Mine(MineConfiguration):
         }
 
     def forecast_slice(self) -> dict:
-        """What forecast_scores.nc depends on besides the record and the grid. Kept files have no rule that makes them
-        again, so they are known by their content (common.job)."""
+        """Settings that forecast_scores.nc depends on, besides the record and the grid.
+
+        Kept forecasts have no rule that makes them again, so they are known by their content (common.job).
+        """
         return {
             "mine": self.name,
             "forecasts": [{"file": path} for path in self.forecasts()],
@@ -218,7 +220,7 @@ class Mine(MineConfiguration):
         ]
 
     def report_slice(self) -> dict:
-        """What the report shows of the configuration: as written, the default, and when each excavation is mined."""
+        """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress."""
         return {
             "config": self.text,
             "default": self.default,
@@ -227,7 +229,7 @@ class Mine(MineConfiguration):
         }
 
     def slice_of(self, result: str) -> dict:
-        """What a result depends on, besides other results: "grid", "elastic", "steps/<step>" or "events/<step>"."""
+        """Settings that "grid", "elastic", "steps/<step>" or "events/<step>" depends on, besides other results."""
         kind, _, step = result.partition("/")
         return {
             "grid": self.grid_slice,
@@ -250,7 +252,7 @@ class Mine(MineConfiguration):
         return {"grid": self.grid_slice(), "elastic": self.member(0).mechanics_slice(0), "steps": steps}
 
     def record_slice(self) -> dict:
-        """What record.nc depends on besides the recorded data."""
+        """Settings that record.nc depends on, besides the content of the recorded file."""
         settings, host = self.settings, self.settings.materials["host"]
         dated = [step for step in self.listed_steps if step.is_dated]
         # Only what was recorded while the model mines, and where, is comparable; the configuration may choose less.

@@ -67,7 +67,7 @@ class MineBaselines:
         return [f"results/{self.mine.name}/{ELASTIC_ROCK}/{name}.nc" for name in names]
 
     def excess_shear_slice(self) -> dict:
-        """What the catalogues of excess shear stress depend on, beside states, record and comparison."""
+        """Settings that catalogues of excess shear stress depend on, besides states, record and comparison."""
         mine, settings = self.mine, self.settings
         chosen = mine.settings.record.filter
         box = {} if chosen is None else {"lower": chosen.lower, "upper": chosen.upper}
@@ -80,13 +80,13 @@ class MineBaselines:
         }
 
     def flaws_slice(self) -> dict:
-        """The same of the seeded flaws."""
+        """Settings that catalogues of seeded flaws depend on, besides states, record and comparison. Radii in m."""
         settings, cell = self.settings, self.mine.finest_cell
         radii = settings.radii or (SMALLEST_RADIUS * cell, LARGEST_RADIUS * cell)
         return self.excess_shear_slice() | {"radii": list(radii), "exponent": settings.exponent}
 
     def report_slice(self) -> dict:
-        """What the page depends on, beside catalogues, comparison and record."""
+        """Settings that the page of the baselines depends on, besides catalogues, comparison and record."""
         planned = [entry.name for entry in self.mine.excavations if self.mine.step_index(entry.step) < 0]
         compared = {key: value for key, value in self.mine.comparison_slice().items() if key != "members"}
         since = self.settings.since
@@ -119,7 +119,7 @@ class MineBaselines:
         )
 
     def earlier_record_slice(self) -> dict:
-        """What the record depends on from `since` on: as the mine's own record, from that date."""
+        """Settings that the record since the date `since` depends on. Exits if the first dated step begins earlier."""
         slice_, since = self.mine.record_slice(), self.settings.since
         assert since is not None  # the rule is there with it alone
         first = slice_["period"]["start"]

@@ -82,12 +82,12 @@ class MineConfiguration:
 
     @property
     def has_corners(self) -> bool:
-        """Whether both corners of the domain are known."""
+        """True if both corners of the domain are known."""
         return None not in (self.settings.domain.lower, self.settings.domain.upper)
 
     @property
     def written_cells(self) -> set[str]:
-        """Which sizes of cells the mine's file gives: finest_cell, coarse_cell, levels; the others are ours."""
+        """Keys among finest_cell, coarse_cell and levels that the mine's file gives; the program derives the others."""
         return {"finest_cell", "coarse_cell", "levels"} & set(self.text.get("grid") or {})
 
     @property
@@ -97,7 +97,8 @@ class MineConfiguration:
 
     @property
     def is_adaptive(self) -> bool:
-        """Whether cells follow the rock: where there are levels of them, and particles stay in their cells.
+        """True if cells are refined where rock comes near its strength: they have levels, and particles stay in them.
+
         A draft has a level more where it keeps the cells of the mine's file."""
         grid = self.settings.grid
         levels = grid.levels + (self.resized_by == "draft")
@@ -118,7 +119,7 @@ class MineConfiguration:
 
     @property
     def members(self) -> int:
-        """How many perturbed members run besides the mine's own run; a member has none."""
+        """Number of perturbed members that run besides the mine's own run; 0 for a member."""
         return 0 if self.perturbation else self.settings.ensemble
 
     def member(self, number: int) -> Self:
@@ -162,18 +163,19 @@ class MineConfiguration:
 
     @property
     def has_companion(self) -> bool:
-        """Whether it is run on cells of twice the size, too: as configured, else in 3-D with dated steps and levels.
-        A draft is not."""
+        """True if the mine is also run on cells of twice the size: as grid_convergence has it, by default in 3-D.
+
+        It needs dated steps and more than one level of cells. Drafts and members of an ensemble have no such run.
+        """
         settings = self.settings
         possible = bool(self.dated_steps) and settings.grid.levels > 1 and not self.perturbation
         requested = self.dimension == 3 if settings.grid_convergence is None else settings.grid_convergence
         return possible and requested and settings.accuracy != "draft"
 
     def coarser(self) -> Self:
-        """The same mine without its finest cells: grid, states and events of its own.
+        """Copy of the mine without its finest cells, with grid, states and events of its own.
 
-        What of an excavation's volume cells of this size miss is no error here, were it all: they are meant to be
-        coarse.
+        The error of an excavation's volume is not limited in the copy: its cells are coarse on purpose.
         """
         companion = copy.copy(self)
         companion.change("grid", levels=self.settings.grid.levels - 1, volume_error=1e9)
@@ -181,7 +183,7 @@ class MineConfiguration:
         return companion
 
     def in_elastic_rock(self) -> Self:
-        """The same mine in rock that does not fail: grid and states of its own.
+        """Copy of the mine in elastic rock, which does not fail, with grid and states of its own.
 
         Cells are not split where such rock comes near its strength, so there are more of them around openings from the
         start.

@@ -1,4 +1,4 @@
-"""What the rules of the plans ask: the runs of each plan, where their results stand, and the slices of the stages."""
+"""Runs of each plan, paths of their results, and settings that their stages depend on, for the rules of the plans."""
 
 import os
 import sys
@@ -141,7 +141,7 @@ class PlanOutcomes:
         return self.files.result(self.folders.place_of(plan), "grid")
 
     def outcome_slice(self, plan: str) -> dict:
-        """What the outcome of a plan depends on, beside files."""
+        """Settings that the outcome of a plan depends on, besides the content of files."""
         mine = self.folders.mine_at(self.folders.place_of(plan))
         hazard = self.mine.settings.hazard.given()
         differs = self.differs_in(plan)
@@ -162,5 +162,5 @@ class PlanOutcomes:
         }
 
     def report_slice(self) -> dict:
-        """What the page depends on, beside the outcomes."""
+        """Settings that the page of the plans depends on, besides the outcomes of the plans."""
         return {"mine": self.mine.name, "hazard": self.mine.settings.hazard.given()}

@@ -44,7 +44,7 @@ class ResultFiles:
         return self.own(path) if self.has_record else []
 
     def comparisons(self) -> dict[str, str]:
-        """What the run's own mine is compared with: names and files."""
+        """Files of the run's own comparisons, by name: comparison, spread, grid_convergence, forecast_scores."""
         made = {
             "comparison": self.has_record,
             "spread": self.has_catalog and self.mine.members,
@@ -120,7 +120,7 @@ class ResultFiles:
         ]
 
     def made_by(self, stage: str) -> Callable[[Wildcards], str]:
-        """What a rule makes that holds the result of a stage ("{stage}" with wildcards): the file, or its folder."""
+        """Function of wildcards that returns the output of the rule for `stage`: the path of a file or its folder."""
 
         def made(wildcards: Wildcards) -> str:
             path = f"results/{wildcards.mine}/{stage.format(**wildcards)}.nc"
@@ -131,5 +131,5 @@ class ResultFiles:
 
 
 def is_coarse(folder: str) -> bool:
-    """Whether a folder is that of a companion, whose stages are one job."""
+    """True if a folder is that of a companion (cells of twice the size), whose stages are one job."""
     return folder.rsplit("/", 1)[-1] == COARSE

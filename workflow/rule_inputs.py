@@ -65,7 +65,7 @@ def _as_list(paths: Paths) -> list[str]:
 
 
 def _filled(given: Given, wildcards: Wildcards) -> Paths:
-    """What a function gives, a name with the wildcards filled in, or a list as it is."""
+    """Paths of an input: a function's result for the wildcards, a name with wildcards filled in, or a list as it is."""
     if callable(given):
         return given(wildcards)
     return given.format(**wildcards) if isinstance(given, str) else given

@@ -61,7 +61,7 @@ def check_form(mine: Mine, where: str, solid: ShapeSettings) -> Shape | None:
 
 
 def is_file(path) -> bool:
-    """Whether there is such a file; a name too long for one is none."""
+    """True if `path` is a file; False also if the system refuses the name, say one that is too long."""
     try:
         return path.is_file()
     except OSError:

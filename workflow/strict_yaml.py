@@ -68,7 +68,7 @@ def read_yaml(path: str | os.PathLike) -> dict:
 
 
 def read_text(source: str | Path, text: str):
-    """What a YAML text holds. Raises InputError as `read_yaml`; source: what it is of, for messages."""
+    """Value that a YAML text holds. Raises InputError, which names `source`, if the text is not YAML or is refused."""
     try:
         return _read(source, text, loader_of(text))
     except yaml.MarkedYAMLError as error:
@@ -95,7 +95,7 @@ def loader_of(text: str) -> type:
 
 
 def meant_by(key: str) -> str:
-    """What stands in a configuration for a key without quotes: 7 for 007, True for on, 750 for 12:30."""
+    """Text of the key that YAML reads where `key` stands without quotes: 7 for 007, True for on, 750 for 12:30."""
     if not NO_WORD.match(key):
         return key
     loader = yaml.SafeLoader("")

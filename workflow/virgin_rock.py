@@ -1,6 +1,7 @@
-"""Where virgin rock would fail before anything is mined: each rock by its own strength, where it is.
+"""Virgin rock that would fail before anything is mined: each rock by its own strength, where it is.
 
-What a law admits is convex, and stress is linear in depth. So of a rock that lies between two elevations these decide.
+The stresses that a law admits are convex, and stress is linear in depth: a rock between two elevations fails at one
+of them if it fails at all.
 """
 
 from collections.abc import Iterable
@@ -30,9 +31,9 @@ def insitu_stress(mine: Mine) -> InsituStress:
 
 @dataclass(frozen=True)
 class Rocks:
-    """Which rock lies where: the rock bodies that have a shape, and the host. Those of a file are not looked up.
+    """Host rock and rock bodies that have a shape. Bodies of a file are left out.
 
-    bodies: of such bodies, in order. names: of the host's material and of theirs.
+    bodies: their solids, in order. names: material of the host, then of each body.
     """
 
     names: np.ndarray
@@ -40,7 +41,7 @@ class Rocks:
 
     @classmethod
     def of(cls, mine: Mine) -> Self:
-        """Of a mine whose rock bodies have been checked."""
+        """Rocks of a mine whose rock bodies have been checked."""
         names, solids = ["host"], list[Solid | Outside]()
         for body in mine.settings.rock_bodies:
             shape = check_form(mine, f"rock_bodies.{body.name}", body)
@@ -56,8 +57,10 @@ class Rocks:
 
 
 def overstress(mine: Mine, rocks: Iterable[str], elevation: float) -> tuple[float, str]:
-    """How far virgin stress at an elevation stands above intact strength, Pa, and in which of these rocks: the one that
-    is worst off. Where all bear their stress it is 0 or less."""
+    """Largest excess of virgin stress over intact strength (Pa) at an elevation (m), and the rock that has it.
+
+    0 or less if all of these rocks bear their stress.
+    """
     insitu, materials = insitu_stress(mine), mine.settings.materials
     return max((virgin_excess(materials[rock], insitu, elevation), rock) for rock in rocks)
 

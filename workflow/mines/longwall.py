@@ -34,7 +34,7 @@ class Panel:
         return tailgate, headgate
 
     def advance(self, dates: np.ndarray) -> np.ndarray:
-        """How far the middle of the face has come from the first one at dates (k,), s since 1970: (k,) m."""
+        """Advance (k,) m of the middle of the face since the first face, at dates (k,), s since 1970."""
         middle = 0.5 * (self.tailgate + self.headgate)
         length = np.linalg.norm(np.diff(middle, axis=0), axis=1)
         return np.interp(dates, self.date, np.concatenate([[0.0], np.cumsum(length)]))
@@ -49,7 +49,7 @@ class Slice(NamedTuple):
 
 
 class Advance(NamedTuple):
-    """What a panel mines between two dates: its outline in plan (4, 2) m, and the step that mines it."""
+    """Part of a panel mined between two dates: its name, the step that mines it, and its outline in plan (4, 2) m."""
 
     name: str
     step: str
@@ -97,9 +97,9 @@ def slices_of(
 
 
 def advances(panels: Sequence[Panel], slices: Sequence[Slice]) -> Iterator[Advance]:
-    """What each panel mines up to the end of the last slice, panel by panel, cut at dated faces and at slices' ends.
+    """Parts of panels mined up to the end of the last slice, panel by panel, cut at dated faces and at slices' ends.
 
-    What was mined before the first slice is history.
+    Parts mined before the first slice belong to the step `history`.
     """
     cuts = np.array([seconds(date) for date in (slices[0].start, *(part.end for part in slices))])
     for panel in panels:

@@ -31,7 +31,7 @@ rule trial:
 
 
 checkpoint further:
-    """Where the trials of a further batch teach most, given all trials before."""
+    """Points of a further batch, at which trials teach most, given all trials before."""
     input:
         **INPUTS.of(
             "further",

@@ -1,4 +1,4 @@
-"""What the run's own mine is compared with, and its report."""
+"""Comparisons of the run's own mine, and its report."""
 
 if FILES.compared:
 

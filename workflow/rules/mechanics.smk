@@ -63,7 +63,7 @@ rule step:
 
 
 rule companion:
-    """The same mine on cells of twice the size, all stages in one job; it gets what other jobs leave of the cores."""
+    """Run of the mine on cells of twice the size, all stages in one job, with the cores that other jobs leave."""
     input:
         **INPUTS.of("companion"),
         cells=ancient(FILES.grid),  # for the job's memory alone

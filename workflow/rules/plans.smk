@@ -7,7 +7,7 @@ PLAN_RESULTS, PLAN_LOGS = f"results/{MINE.name}/{PLANS}", f"{OWN_LOGS}/{PLANS}"
 
 
 rule plan_outcome:
-    """What the runs of a plan release by step and opening, and the chance of events near openings.
+    """Potency and energy that the runs of a plan release by step, and the chance of events near openings.
 
     The stage also lays a copy into results/<mine>/forecasts, by date: a forecast cannot be made again.
     """

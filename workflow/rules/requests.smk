@@ -1,4 +1,4 @@
-"""What is made on request: a picture of the scene, and files for ParaView."""
+"""Files made on request: a picture of the scene, and files for ParaView."""
 
 
 rule scene:

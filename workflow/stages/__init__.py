@@ -47,7 +47,7 @@ class Stage:
 
     @property
     def about(self) -> str:
-        """What the stage does: the first line of its docstring."""
+        """Text on what the stage does: first line of its docstring, else its name."""
         return (self.run.__doc__ or self.name).strip().splitlines()[0].rstrip(".")
 
     def source_hash(self) -> str:
