@@ -59,7 +59,7 @@ def seismic_potency(state: xr.Dataset, chosen: NDArray) -> NDArray:
 
 
 def failed_in_step(state: xr.Dataset) -> NDArray:
-    """Whether each particle failed first in the step of this state, (particle,)."""
+    """Particles (particle,) bool that first failed in the step of this state."""
     return state.failed.values == state.attrs["step_index"]
 
 
@@ -69,9 +69,9 @@ def released_potency(state: xr.Dataset) -> float:
 
 
 def in_uncut_cell(cell: NDArray, volume: NDArray, whole: NDArray | float) -> NDArray:
-    """Whether each particle (particle,) is in a cell full of rock.
+    """Particles (particle,) bool in cells full of rock.
 
-    cell: of each particle; volume: of each, m3; whole: that of its cell, m3.
+    cell (particle,): index of the particle's cell; volume (particle,): its volume, m3; whole: its cell's volume, m3.
     """
     return np.bincount(cell, volume)[cell] > MIN_UNCUT_SHARE * whole
 

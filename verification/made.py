@@ -1,4 +1,4 @@
-"""What a table was made from: the commit of the checkout, the date, and the versions of numpy and numba.
+"""Provenance of a table: the commit of the checkout, the date, and the versions of numpy and numba.
 
 It is written beside the table when the table is written, and pages of docs/studies quote it.
 """
@@ -40,7 +40,7 @@ class Made:
 
     @classmethod
     def read(cls, table: Path) -> "Made":
-        """What a table was made from. Raises InputError where nothing beside it says so."""
+        """Provenance of a table, read from FILE beside it. Raises InputError if there is no such file."""
         try:
             return cls(**json.loads((table.parent / FILE).read_text(encoding="utf-8")))
         except OSError as error:
@@ -64,7 +64,7 @@ def oldest(made: Iterable[Made]) -> Made:
 
 
 def is_older(commit: str, folders: Iterable[str] = NUMERICS) -> bool:
-    """Whether folders changed after a commit up to the one that is checked out, or may have: it is not known.
+    """True if folders changed between a commit and the one that is checked out, or if that is not known.
 
     Changes that were not committed when a table was made count if they are committed now.
     """

@@ -55,7 +55,7 @@ class Row:
 
     @property
     def passed(self) -> bool | None:
-        """Whether the error is finite and allowed; None where the row has no bound."""
+        """True if the error is finite and at most the allowed one; None where the row has no bound."""
         if self.allowed is None:
             return None
         return bool(math.isfinite(self.error) and self.error <= self.allowed)

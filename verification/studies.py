@@ -41,7 +41,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*\Z")
 
 @dataclass(frozen=True)
 class Study:
-    """What a study file says; `mines` holds the checked configuration of every variant, by its name.
+    """Content of a study file; `mines` holds the checked configuration of every variant, by its name.
 
     on_request: the target `verification` leaves the study out, since it takes too long; it is run by its own name.
     threads: threads of each stage; 64 takes all there are, and with 1 small scenes run side by side. events: whether

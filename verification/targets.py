@@ -1,4 +1,4 @@
-"""What the rules of the studies read and make, and the mines that studies add to those of a run."""
+"""Inputs and outputs of the rules of the studies, and the mines that studies add to those of a run."""
 
 import functools
 import json
@@ -93,7 +93,7 @@ class Studies:
 
 @dataclass(frozen=True)
 class Measuring:
-    """What the rules know of a study that measures cases of its own; they do not load its package.
+    """Description, for the rules, of a study that measures cases of its own; they do not load its package.
 
     Its package in verification has its name, and in it STUDY (verification.frame). names: names of its cases, in the
     order of its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`. uses: parts of

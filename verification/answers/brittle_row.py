@@ -140,7 +140,7 @@ def compare(name: str, variant: Variant, exact: BrittleRow, state, allowed: dict
 
 
 def contiguous(depth: np.ndarray, failed: np.ndarray) -> bool:
-    """Whether all failed particles lie above all intact ones."""
+    """True if all failed particles lie above all intact ones. depth (particle,) m, failed (particle,) bool."""
     return bool(not failed.any() or failed.all() or depth[failed].max() < depth[~failed].min())
 
 

@@ -109,7 +109,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
 
 
 def is_round(variant: Variant) -> bool:
-    """Whether the variant has a closed form: its opening is one circle or one sphere."""
+    """True if the variant has a closed form: its opening is one circle or one sphere."""
     return len(variant.values["excavations"]) == 1 and "radius" in variant.values["excavations"][0]
 
 

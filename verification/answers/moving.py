@@ -1,4 +1,4 @@
-"""What particles that move through the grid change (solver.move, paper section 2.2), beside particles that rest."""
+"""Comparison of particles that move through the grid (solver.move, paper section 2.2) with particles that rest."""
 
 import numpy as np
 from matplotlib.figure import Figure

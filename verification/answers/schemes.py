@@ -93,7 +93,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Pairs:
-    """The same runs of two variants in one order, by name of the scheme, explicit first, or of the variant."""
+    """Runs of two variants, paired by their order: by name of the scheme, explicit first, or of the variant."""
 
     runs: dict[str, list[Run]]
 
@@ -107,7 +107,7 @@ class Pairs:
         return {name: [estimate_b(run.sizes, self.cut) for run in runs] for name, runs in self.runs.items()}
 
     def values(self, quantity: str) -> tuple[np.ndarray, np.ndarray]:
-        """potency, failed_volume, events or b of the runs (run,) of both."""
+        """Values (run,) of a quantity for each of the two variants; quantity: potency, failed_volume, events or b."""
         if quantity == "b":
             first, other = ([value.b for value in values] for values in self.b_values().values())
         else:
@@ -116,7 +116,7 @@ class Pairs:
 
     @property
     def has_b(self) -> bool:
-        """Whether every run has enough events for a b-value."""
+        """True if every run has enough events for a b-value."""
         return bool(np.isfinite(self.values("b")).all())
 
     @property
@@ -134,7 +134,7 @@ class Pairs:
 
     @property
     def same_scene(self) -> bool:
-        """Whether the runs of a pair differ by their scheme alone, so that their particles can be compared."""
+        """True if the runs of a pair differ by their scheme alone, so that their particles can be compared."""
         return set(self.runs) == {"explicit", "multigrid"}
 
     @property
@@ -170,7 +170,7 @@ def read_runs(variant: Variant, increments: list[int]) -> Iterator[Run]:
 
 
 def with_increments(mine: Mine, increments: int) -> Mine:
-    """The same mine, whose steps are unloaded in so many increments."""
+    """Copy of the mine whose steps are unloaded in `increments` increments."""
     changed = copy.copy(mine)
     changed.change("solver", increments=increments)
     return changed

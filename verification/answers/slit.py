@@ -52,7 +52,7 @@ class Slit:
         return np.linalg.solve(rock + self.spring * springs, load)
 
     def closure(self, x: np.ndarray) -> np.ndarray:
-        """How much the walls close at x (k,) m from the middle: (k,) m, 0 beyond the ends."""
+        """Closure of the walls (k,) m at x (k,) m from the middle; 0 beyond the ends."""
         angle = np.arccos(np.clip(np.asarray(x, float) / self.half_width, -1.0, 1.0))
         return np.sin(np.outer(angle, np.arange(TERMS) + 1)) @ self._coefficients
 

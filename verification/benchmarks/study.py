@@ -103,7 +103,7 @@ def make_table(settings: Settings, rows: list[dict]) -> pd.DataFrame:
 
 
 def _beside(table: pd.DataFrame, key: str, partner: dict[str, str]) -> pd.Series:
-    """The same quantity of each row's partner on the same mesh, NaN where there is none."""
+    """Column `key` of each row's partner (row,): the code that `partner` names, on the same mesh; NaN without one."""
     known = table.set_index(["problem", "cells", "code"])[key]
     places = pd.MultiIndex.from_arrays([table["problem"], table["cells"], table["code"].map(partner)])
     return known.reindex(places).set_axis(table.index)

@@ -1,4 +1,4 @@
-"""What a calibration claims, beside what is known: one row for each claim."""
+"""Claims of a calibration compared with what is known: one row for each claim."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -68,7 +68,10 @@ def self_test_claims(found: Calibration, tested: SelfTest, trials: NDArray) -> l
 
 
 def strength_coverage(found: Calibration, tested: SelfTest, trials: NDArray) -> list[tuple[str, NDArray, NDArray]]:
-    """Of each strength that the record tells best: its name, whether intervals hold it (trial,), and their widths."""
+    """Name, coverage and width of intervals for each strength that the record tells best.
+
+    Coverage (trial,) bool: the interval holds the true strength. Width (trial,): over that of the prior's 90 %.
+    """
     quantities, result = found.settings.quantities, []
     true_at = true_points(found, trials)
     prior_at = np.random.default_rng(0).uniform(size=(PRIOR_POINTS, len(quantities)))
@@ -95,9 +98,9 @@ def true_points(found: Calibration, trials: NDArray) -> NDArray:
 
 
 def twin_claims(found: Calibration, record: str, truth: Sequence[float], fit: Fit, wanted_flag: bool) -> list[Claim]:
-    """Whether the intervals of a fit hold the true values, and whether the record is called implausible.
+    """Claims of a fit: that each interval holds its true value, and that the record is or is not called implausible.
 
-    wanted_flag: whether it ought to be; then what the intervals hold is reported only.
+    wanted_flag: the record should be called implausible; then what the intervals hold is reported only.
     """
     rows = []
     for quantity, true, ends in zip(found.settings.quantities, truth, fit.posterior.quantiles(SHARES).T, strict=True):
@@ -110,7 +113,7 @@ def twin_claims(found: Calibration, record: str, truth: Sequence[float], fit: Fi
 
 
 def flag_claim(record: str, posterior: Posterior, wanted_flag: bool) -> Claim:
-    """Whether a record is called implausible."""
+    """Claim that the smallest implausibility of a record is above its limit (wanted_flag) or below it."""
     flagged = bool(posterior.implausibility > MAX_IMPLAUSIBILITY)
     wanted = f"{'more' if wanted_flag else 'less'} than {MAX_IMPLAUSIBILITY:g}"
     found = f"{posterior.implausibility:.1f}"
@@ -118,7 +121,7 @@ def flag_claim(record: str, posterior: Posterior, wanted_flag: bool) -> Claim:
 
 
 def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
-    """The same trials calibrated to a modelled catalogue on their own cells, as uncertain as the mine's record."""
+    """Fit of a calibration's trials to a modelled catalogue on their own cells, as uncertain as the mine's record."""
     (events,) = extractions(catalogue)
     made = outputs([events], found.steps, found.cut, found.settings.terms, found.places)
     recorded = replace(

@@ -55,7 +55,7 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
 
 
 def intervals(tested: SelfTest, true: NDArray, quantities: Sequence[CalibratedQuantity]) -> list[dict[str, Any]]:
-    """What a panel shows of each quantity, as JSON can hold it; true (trial, quantity): values in the unit cube."""
+    """True values and intervals of each quantity, one panel each, for JSON; true (trial, quantity) in the unit cube."""
     found = []
     for number, quantity in enumerate(quantities):
         low, middle, high = np.array([posterior.quantiles(SHARES)[:, number] for posterior in tested.posteriors]).T

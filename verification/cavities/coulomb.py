@@ -73,7 +73,7 @@ class CoulombRock(Elastic):
 
     @property
     def brittle(self) -> bool:
-        """Whether strength drops on failure."""
+        """True if strength drops on failure."""
         return (self.intact_friction, self.intact_strength) != (self.residual_friction, self.residual_strength)
 
 

@@ -64,7 +64,7 @@ class HoekBrownRock(Elastic):
 
     @property
     def brittle(self) -> bool:
-        """Whether strength drops on failure."""
+        """True if strength drops on failure."""
         return self.intact != self.residual
 
 
@@ -114,7 +114,7 @@ class HoekBrownTunnel:
 
     @property
     def edge_radius(self) -> float:
-        """Where axial stress becomes a major one, m: the wall's radius where it never does."""
+        """Radius up to which axial stress is a major one, m: the wall's radius if it is nowhere."""
 
         def above(r: float) -> float:
             radial, hoop, _ = self._failed(np.array(r))

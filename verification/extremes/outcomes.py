@@ -27,7 +27,7 @@ MAX_OVERSTRESS_SHARE = 1e-3  # A stored stress may exceed strength by this share
 
 @dataclass
 class Outcome:
-    """How a scene ended: its kind, a line about it, and the stored datasets by name: the grid, then each state.
+    """End of a scene: its kind, a line about it, and the stored datasets by name: the grid, then each state.
 
     has_begun: whether a solution was under way when it ended. Its last state then lies beside the output.
     """

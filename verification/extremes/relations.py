@@ -46,7 +46,7 @@ def _reordered(values: dict) -> dict:
 
 
 def is_rest(values: dict, outcome: Outcome, run: Callable[[dict], Outcome]) -> bool:
-    """Whether a scene in equilibrium reaches it at a tenth of the tolerance as well, with the same motions.
+    """True if a scene in equilibrium reaches it at a tenth of the tolerance as well, with the same motions.
 
     It is asked where the rock runs away in the other scheme. Damped steps may move rock of little residual strength so
     far that they miss an equilibrium that exists.
@@ -63,7 +63,7 @@ RELATIONS = {"scaled": _scaled, "shifted": _shifted, "reordered": _reordered, "o
 
 
 def compare(name: str, values: dict, first: Outcome, run: Callable[[dict], Outcome]) -> str:
-    """What differs between a scene (its values, its outcome) and the related one; empty where nothing does.
+    """Text on what differs between a scene (its values, its outcome) and the related one; empty where nothing does.
 
     The outcome and the elastic motion are compared. Failure is not: where brittle rock localises depends on round-off.
     """

@@ -61,7 +61,7 @@ FLAT: dict = {key: copy.deepcopy(value) for key, value in TINY.items() if key !=
         box("stope_1", "2019-08", [46, 30], [58, 50], fill="fill"),
     ],
 }
-"""The same rock as a section of 1 m: a circular drive in history, a stope in a month; no record."""
+"""Rock of TINY as a section of 1 m: a circular drive in history, a stope in a month; no record."""
 NEXT_STEP = {"name": "2019-09", "start": "2019-09-01", "end": "2019-10-01"}
 PUSH = box("push", "2019-08", [20, 20, 20], [30, 30, 30], force=["0 N", "0 N", "-1 MN"])
 DIRECTED = PUSH | {"force": "1 MN", "toward": ["40 m", "40 m", "40 m"]}

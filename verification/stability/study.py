@@ -43,7 +43,7 @@ def figures(results: CaseResults) -> dict[str, Figure]:
 
 
 def has_axis(key: str) -> bool:
-    """Whether the knob of a key has an axis, along which its runs are in order."""
+    """True if the knob of a key has an axis, along which its runs are in order."""
     return knob_of(key).scale != NO_AXIS
 
 

@@ -1,4 +1,4 @@
-"""What a run is judged by, how its error is counted, and the limit that a series of ever finer cells leads to."""
+"""Measures of a run, their errors, and the limit that a series of ever finer cells leads to."""
 
 from dataclasses import dataclass
 

@@ -162,7 +162,7 @@ class SceneRuns:
         return next(other for other in self.front if self.cost(other) <= cost and self.error(other, self.main) <= error)
 
     def speed(self, line: Line, member: Point) -> float:
-        """How many times as fast a member is as the line's anchor."""
+        """Ratio of the cost of the line's anchor to that of a member: above 1 where the member is faster."""
         return self.cost(line.anchor) / self.cost(member)
 
     def change(self, line: Line, member: Point) -> float:
@@ -171,7 +171,7 @@ class SceneRuns:
         return after - before if self.main.kind == ITSELF else after / before - 1.0 if before else np.nan
 
     def buys(self, line: Line, member: Point) -> str:
-        """What a member buys over the line's anchor: speed, accuracy or nothing, beyond the noise."""
+        """Text on what a member gains over the line's anchor beyond the noise: speed, accuracy or nothing."""
         if line.knob in SEISMIC:
             return "another count of events"
         speed = self.speed(line, member)

@@ -132,7 +132,7 @@ def price_rows(scene: SceneRuns) -> list[dict]:
 
 
 def truth_rows(scene: SceneRuns) -> list[dict]:
-    """What the measures of a scene are compared with, where their value is not their error.
+    """Rows of the table of values that a scene's measures are compared with, where their value is not their error.
 
     order: of convergence of ever smaller cells. finest_from_truth: error of the finest run; smaller ones say little.
     """

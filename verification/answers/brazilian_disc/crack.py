@@ -21,7 +21,7 @@ STAGE_COUNT = 6  # As in the paper's Fig. 16.
 
 
 class LoadedDisc(Protocol):
-    """What a crack asks of its disc, however that is loaded: on two arcs (PressedDisc), or between platens."""
+    """Interface of a disc in which a crack grows: loaded on two arcs (PressedDisc), or between platens."""
 
     name: str
     variant: Variant
@@ -31,10 +31,10 @@ class LoadedDisc(Protocol):
 
     @property
     def flat(self) -> bool:
-        """Whether the scene is a section in plane strain."""
+        """True if the scene is a section in plane strain."""
 
     def text_of(self, step: str, share: float) -> str:
-        """What is applied once this share of a step's load or strain is added, in words."""
+        """Load or strain in words that is applied once this share (0 to 1) of a step's load or strain is added."""
 
 
 Loaded = TypeVar("Loaded", bound=LoadedDisc)

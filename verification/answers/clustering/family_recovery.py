@@ -30,7 +30,7 @@ class Recovery:
 
 
 def certainly_recovered(mechanisms: NDArray, scatter: float, threshold: float) -> bool:
-    """Whether every draw must be recovered, mechanisms (m, 3, 3) traceless, scatter in degrees (largest turn).
+    """True if every draw must be recovered; mechanisms (m, 3, 3) traceless, scatter in degrees (largest turn).
 
     Two particles of one mechanism are at most 4 s apart in direction, two of different ones at least their mechanisms'
     angle less 4 s. If the first is within the angle of the threshold and the second beyond it, one leader covers each

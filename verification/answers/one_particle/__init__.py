@@ -37,7 +37,7 @@ class Path:
 
     @property
     def pulled(self) -> bool:
-        """Whether the cell is pulled rather than pressed."""
+        """True if the cell is pulled rather than pressed."""
         return self.exact[0].strain.axial > 0
 
 

@@ -131,7 +131,7 @@ def height_of(spiral: Spiral, slope: float) -> float:
 
 
 def rests(variant: Variant) -> bool:
-    """Whether the slope has reached equilibrium under its whole weight."""
+    """True if the slope has reached equilibrium under its whole weight."""
     return not variant.last.attrs["collapsed"]
 
 

@@ -1,4 +1,4 @@
-"""How often the comparison of locations finds a shift, and how often it finds one where there is none."""
+"""Shares of pairs of catalogues found to differ in location: with a shift, and of one process (false alarms)."""
 
 from dataclasses import dataclass
 

@@ -66,7 +66,11 @@ def branching_events(
 def burst_events(
     generator: np.random.Generator, days: float, bursts: float, each: float, spread: float = 30.0, kernel: float = 8.0
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """As branching_events, for a Poisson number of bursts, each of a Poisson number of events within about an hour."""
+    """Times (event,) in days, locations (event, 3) m and cluster (event,) of events that come in bursts.
+
+    `bursts` on average (Poisson) in `days`, each of `each` events on average (Poisson), with delays of an hour on
+    average. Bursts lie about 0 with standard deviation `spread`, m, their events about them with `kernel`, m.
+    """
     count = generator.poisson(bursts)
     cluster = np.repeat(np.arange(count), generator.poisson(each, count))
     time = generator.uniform(0.0, days, count)[cluster] + generator.exponential(1.0 / 24.0, len(cluster))

@@ -23,7 +23,7 @@ class Estimates:
 
     @property
     def name(self) -> str:
-        """What was drawn and how it was estimated."""
+        """Text on what was drawn and how b was estimated: b, number of events, span, bins and bound."""
         case = self.case
         parts = [f"b {case['b']:g}", f"n {case['count']}"]
         if "span" in case:
