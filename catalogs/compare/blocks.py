@@ -53,10 +53,10 @@ def cluster_labels(time: NDArray, location: NDArray, step: NDArray, error: float
 
 
 def rounded_to(time: NDArray) -> NDArray:
-    """What each time (event,) datetime64 is rounded to, days.
+    """Units (event,), days, to which times (event,) datetime64 are rounded.
 
-    That is the largest of ROUNDING_UNITS within which it falls on the same instant (of the day, of the hour, ...) as
-    MIN_SHARE_ROUNDED of the other times; else MIN_TIME_APART.
+    The unit of a time is the largest of ROUNDING_UNITS within which it falls on the same instant (of the day, of the
+    hour, ...) as MIN_SHARE_ROUNDED of the other times; else MIN_TIME_APART.
 
     Any instant counts, not only the whole unit: a local midnight is none in UTC, and two with daylight saving.
     """
@@ -70,7 +70,7 @@ def rounded_to(time: NDArray) -> NDArray:
 
 
 def _repeats(values: NDArray) -> NDArray:
-    """How often each value (event,) occurs."""
+    """Number of occurrences (event,) of each value (event,) among all values."""
     _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
     return counts[inverse.reshape(-1)]
 

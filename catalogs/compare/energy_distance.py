@@ -53,7 +53,7 @@ class Side:
 
 
 def block_starts(sides: tuple[Side, Side]) -> NDArray:
-    """Where each block (block,) of both catalogues begins among the points of both."""
+    """Index (block,) of the first point of each block, in the points of the first catalogue, then the second."""
     return np.concatenate([sides[0].starts, sides[1].starts + len(sides[0].points)])
 
 

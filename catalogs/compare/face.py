@@ -20,8 +20,8 @@ FACE_AXES = ("ahead", "across")
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the face stands at several times: its ends (time, 2, xy) m, which are one where it is a point, and the unit
-    vectors (time, xy) in which ahead and across are counted. NaN where there is no face."""
+    """Position of the face at several times: ends (time, 2, xy) m, which coincide if the face is a point, and the unit
+    vectors (time, xy) of the directions ahead of and across it. NaN where there is no face."""
 
     ends: NDArray
     ahead: NDArray
@@ -63,7 +63,7 @@ class _Panel:
         return cls(time, ends, moved[last] / length[last, None])
 
     def frame(self, time: NDArray) -> Frame:
-        """At times within its span."""
+        """Position of the face at times (time,) ns within the panel's span, interpolated between its positions."""
         part = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
         share = (time - self.time[part]) / (self.time[part + 1] - self.time[part])
         ends = self.ends[part] + share[:, None, None] * (self.ends[part + 1] - self.ends[part])
@@ -97,7 +97,7 @@ class Face:
         return cls(tuple(sorted(panels, key=lambda panel: panel.time[0])))
 
     def at(self, time: NDArray) -> Frame:
-        """Where it stands at times (time,) datetime64."""
+        """Position of the face at times (time,) datetime64; NaN at times outside of every panel's span."""
         time = np.asarray(time, "datetime64[ns]")
         found = Frame(*(np.full((len(time), *shape), np.nan) for shape in ((2, 2), (2,), (2,))))
         for panel in self.panels:

@@ -1,4 +1,4 @@
-"""Where events lie relative to the face, of both catalogues: FACE_FIELDS of catalogs.compare.layout.
+"""Places of modelled and of recorded events relative to the face: FACE_FIELDS of catalogs.compare.layout.
 
 A modelled event has no time within its step. So the events of both catalogues count from where the face stands at the
 end of their step. Modelled ones are moved at random by the record's location error, and UNIFORM_SHARE of their weight
@@ -120,7 +120,7 @@ def _ends(settings: ComparisonSlice) -> NDArray:
 
 
 def _known(used: NDArray, step: NDArray, settings: ComparisonSlice) -> int:
-    """How many events that count are of a step at whose end there is a face."""
+    """Number of used events whose step ends while there is a face; used (event,) bool, step (event,) int, -1: none."""
     stands = np.isfinite(Face.of(settings.face).at(_ends(settings)).ahead).all(axis=1)
     return int(np.sum(used & (step >= 0) & stands[np.maximum(step, 0)]))
 

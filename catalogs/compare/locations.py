@@ -196,7 +196,7 @@ def default_distances(points: NDArray, count: int = 12) -> NDArray:
 
 
 def _pairs_closer(sides: tuple[Side, Side], distance: float) -> NDArray:
-    """How many pairs of two blocks (block, block) are closer than `distance`."""
+    """Number of pairs of points closer than `distance` (m), by the blocks of the two points (block, block)."""
     starts = block_starts(sides)
     closer = np.zeros((len(starts), len(starts)))
     for block, pairs in pairs_by_block(sides):

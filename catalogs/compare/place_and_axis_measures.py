@@ -128,7 +128,7 @@ def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str
 
 
 def _resampled(runs: int, clusters: int) -> str:
-    """What the intervals are computed from."""
+    """Sentence without full stop on the runs and the clusters of recorded events that intervals are resampled from."""
     return f"Intervals come from resampling {runs} runs of the model and {clusters} clusters of recorded events"
 
 
@@ -138,8 +138,8 @@ def plural(count: int, name: str) -> str:
 
 
 def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
-    """Why there is no interval and no p-value: the model has too few runs, or too few of them (`counting`) have events
-    that count."""
+    """Reason in a sentence, without its full stop, why there is no interval and no p-value: the model has too few runs,
+    or too few of them (`counting`) have events that count. what: the measure; lacking: what the other runs lack."""
     if runs < MIN_BLOCKS:
         why = (
             f"the model ran {'once' if runs == 1 else f'{runs} times'}, and {MIN_BLOCKS} runs are needed to "
@@ -155,7 +155,7 @@ def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
 
 
 def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
-    """At most `most` of the events, drawn at random, in their order."""
+    """Indices of at most `most` of the events `index` (event,), drawn without replacement, in ascending order."""
     return index if len(index) <= most else np.sort(generator.choice(index, most, replace=False))
 
 
@@ -246,7 +246,8 @@ def _left_out(clear: NDArray, of: str) -> str:
 
 
 def _shapes_text(found: dict[str, NDArray]) -> str:
-    """Which axes have no mean, and what they form instead, in sentences; empty if all have a mean."""
+    """Sentences, without the last full stop, on axes that have no mean and the pattern that they form; empty if all
+    have a mean. found: fields of the comparison, (catalogue, axis)."""
     said = []
     for row, which in enumerate(("modelled", "recorded")):
         for column, name in enumerate(AXIS_NAMES):
@@ -266,7 +267,7 @@ def _sample(events: xr.Dataset, tensor: NDArray, kept: NDArray, blocks: NDArray 
 
 
 def _clear_blocks(sample: AxesSample) -> int:
-    """How many blocks have clear axes: the least of the numbers of P, B and T axes that are not 0; 0 without blocks."""
+    """Number of blocks with clear axes: the smallest nonzero number among P, B and T axes; 0 without blocks."""
     if sample.blocks is None:
         return 0
     counts = [len(np.unique(sample.blocks[clear])) for clear in np.isfinite(sample.axes).all(axis=-1).T]
@@ -274,7 +275,10 @@ def _clear_blocks(sample: AxesSample) -> int:
 
 
 def _during(time: NDArray, window: str | None) -> NDArray:
-    """Which times lie in the window (JSON with start and end, either may be null) of the record's orientations."""
+    """True (event,) for times (event,) datetime64 within the window of the record's orientations, its end excluded.
+
+    window: JSON with start and end, either of which may be null; None: no limits.
+    """
     limits = json.loads(window or "{}")
     inside = np.ones(len(time), bool)
     if limits.get("start"):

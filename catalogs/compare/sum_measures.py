@@ -113,8 +113,8 @@ def mean_total(sums: NDArray, squares: NDArray, scale: float) -> Total:
 
 
 def _text(potency, runs, interval, counted, dispersion_index: float, days: float) -> str:
-    """In sentences: the expected number of recorded events, that of the model, their p-value, and what the intervals
-    contain."""
+    """Sentences on the expected number of recorded events, the number of modelled ones, the p-value of their difference
+    and the assumptions of the intervals, without the last full stop."""
     model, record = len(runs[0]), len(potency[1])
     made = f"{model}" if len(runs) == 1 else f"{np.mean([len(run) for run in runs]):.1f} (mean of {len(runs)} runs)"
     when = f" in {days:.3g} days" if np.isfinite(days) else ""

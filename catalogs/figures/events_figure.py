@@ -1,4 +1,4 @@
-"""Where and when: modelled and recorded events in the same plans and sections (paper Fig. 19)."""
+"""Places and times of modelled and recorded events in the same plans and sections (paper Fig. 19)."""
 
 from dataclasses import dataclass, replace
 
@@ -97,7 +97,7 @@ def locations(
 
 
 def is_crowd(catalog: xr.Dataset) -> bool:
-    """Whether its events are shown as a density."""
+    """True if a catalogue has more events than are drawn singly, so that their density is drawn instead."""
     return catalog.sizes["event"] > MAX_EVENTS_DRAWN_SINGLY
 
 
@@ -171,7 +171,7 @@ def _keys(figure: Figure, bar: Axes, scale: Scale, hollow: bool) -> None:
 
 
 def nearness(comparison: xr.Dataset) -> Figure:
-    """How near modelled and recorded events lie, against distance: Ripley's cross-K over the K within each."""
+    """Figure of how near modelled and recorded events lie: Ripley's cross-K over the K within each, by distance (m)."""
     figure = style.new_figure(width=0.6 * style.PAGE_WIDTH, height=3.2)
     axes = figure.subplots()
     distance, ratio = comparison["distance"].values, comparison["cross_ratio"].values

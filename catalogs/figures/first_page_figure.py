@@ -98,13 +98,16 @@ def corners_of(grid: xr.Dataset, excavations: Sequence[int]) -> NDArray:
 
 
 def within_reach(place: NDArray, low: NDArray, high: NDArray) -> NDArray:
-    """Which places (event, 3) are at most REACH longest sides of the box away from it (event,)."""
+    """True (event,) for places (event, 3) m whose coordinates exceed the box by at most REACH times its longest side.
+
+    low, high (3,): corners of the box, m.
+    """
     reach = REACH * float((high - low).max())
     return np.all((place >= low - reach) & (place <= high + reach), axis=1)
 
 
 def silhouette(plane: Plane, grid: xr.Dataset, excavations: Sequence[int]) -> tuple[NDArray, NDArray]:
-    """What the excavations' cells cover as seen along the plane's normal: lower corners (n, 2) and the size (2,), m.
+    """Rectangles that the excavations' cells cover along the plane's normal: lower corners (n, 2), size (2,), m.
 
     A place is covered where a cell behind it is excavated for MIN_EXCAVATED_SHARE_DRAWN; of an opening so narrow that
     none is, where a cell is for half as much as its fullest.
@@ -252,7 +255,7 @@ def _diameters(magnitudes: list[NDArray]) -> Callable[[NDArray], NDArray]:
 
 
 def _look(colour: str, hollow: bool) -> dict:
-    """How events of a catalogue are drawn: full, or as rings that do not hide the full ones."""
+    """Keyword arguments of `Axes.scatter` for events: filled in a colour, or rings that do not hide filled ones."""
     if hollow:
         return {"facecolors": "none", "edgecolors": colour, "linewidths": 1.6}
     return {"facecolors": colour, "edgecolors": "white", "linewidths": 0.7}

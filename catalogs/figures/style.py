@@ -1,4 +1,4 @@
-"""How every figure looks: colours, fonts, and files whose bytes depend on their content alone."""
+"""Style of every figure: colours, fonts, and files whose bytes depend on their content alone."""
 
 import base64
 from collections.abc import Iterator
@@ -89,7 +89,7 @@ def save(figure: Figure, path: Path) -> str:
 
 
 def thinned(entries: list) -> list:
-    """At most MAX_STEPS_IN_KEY of the entries, evenly spaced, with the first and the last."""
+    """Entries of a key, thinned to at most MAX_STEPS_IN_KEY evenly spaced ones with the first and the last."""
     if len(entries) <= MAX_STEPS_IN_KEY:
         return entries
     return [entries[index] for index in np.linspace(0, len(entries) - 1, MAX_STEPS_IN_KEY).round().astype(int)]

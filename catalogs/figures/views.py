@@ -240,7 +240,7 @@ def mark_cuts(axes: Axes, view: View, cut_views: list[View]) -> None:
 
 
 def edges_help(axes: Axes, cell: float) -> bool:
-    """Whether cells of edge `cell` (m) are drawn wide enough for their edges to be seen within their colour."""
+    """True if cells of edge `cell` (m) are drawn wide enough for their edges to be seen within their colour."""
     left, right = axes.get_xlim()
     inches = axes.get_position().width * axes.figure.get_figwidth()
     return 72 * inches * cell / (right - left) > MIN_CELL_WITH_EDGES

@@ -29,12 +29,15 @@ MOMENT_TYPES = ("mw", "mww", "mwc", "mwb", "mwr", "mwp")
 
 
 def is_moment_type(kind: str) -> bool:
-    """Whether a magnitude type is a moment magnitude, whichever way it was measured."""
+    """True if a magnitude type is a moment magnitude, whichever way it was measured."""
     return kind.strip().lower() in MOMENT_TYPES
 
 
 def is_convertible(kind: str, conversions: Mapping) -> bool:
-    """Whether magnitudes of this type become moment magnitudes by themselves or by a stated conversion."""
+    """True if magnitudes of this type are moment magnitudes or have a stated conversion to them.
+
+    Raises InputError where two conversions of names that differ by upper and lower case only state different things.
+    """
     return is_moment_type(kind) or isinstance(_conversion(kind, conversions), Conversion)
 
 
@@ -77,7 +80,10 @@ def moment_magnitudes(
 
 
 def sizes_text(used: Mapping[str, int], conversions: Mapping) -> str:
-    """How many magnitudes of each type were read, and their conversion."""
+    """Numbers of magnitudes read by type, each with its conversion to Mw or "left out", in a list for a sentence.
+
+    used: number of magnitudes of each type. Raises InputError where conversions of one type contradict each other.
+    """
     texts = []
     for name, count in used.items():
         conversion = _conversion(name, conversions)

@@ -1,4 +1,4 @@
-"""What the columns of a CSV record may hold: the kinds of column, their units, and which of them a record needs."""
+"""Columns of a CSV record: the kinds that it may have, their units, and which of them it needs."""
 
 import re
 from typing import Annotated, Self

@@ -218,7 +218,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
 
 
 def _times_text(time: np.ndarray, local: int, zone: str | None) -> str:
-    """How many times had no offset, as what they were read, and how many of the record's hours were not unique."""
+    """Clause on the times without an offset: their number, the zone in which they were read, and how many of all times
+    lie in an hour that the zone's clock showed twice. time (event,) datetime64[ns], UTC; local: number without an
+    offset."""
     text = f"{local} without an offset, as {zone or 'UTC'}"
     twice = np.count_nonzero(shown_twice(time, zone)) if zone else 0
     if not twice:

@@ -27,7 +27,7 @@ MAX_UNIT_LENGTH = 30  # characters
 
 
 def unit_quantity(text: str):
-    """One of the unit that a text names, as pint has it; None if it names none. Arithmetic (9**9**9) is no unit."""
+    """Quantity (pint) of 1 in the unit that a text names; None if it names none. Arithmetic (9**9**9) is no unit."""
     if len(text) > MAX_UNIT_LENGTH or not re.fullmatch(UNIT_PATTERN, text):
         return None
     plain = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", re.sub(r"[.\u00b7]", "*", text))
@@ -150,7 +150,7 @@ class Table:
             self.rows = self.rows.iloc[1:].reset_index(drop=True)
 
     def factor(self, key: str, name: str, unit: str, given: str | None) -> float:
-        """What the numbers of a column, of kind `key`, are multiplied by to be in `unit`.
+        """Factor that converts the numbers of a column of kind `key` to `unit`.
 
         Its own unit is `given`, else what stands in brackets or after a stroke behind its name ("Depth/km") or in a
         line below the header, if that is a unit of that kind; else it is assumed to be `unit`. Raises InputError where

@@ -243,7 +243,7 @@ def matched_pairs(first: np.ndarray, second: np.ndarray, within: float) -> tuple
 
 
 def _nearest(haystack: np.ndarray, needles: np.ndarray) -> np.ndarray:
-    """For each needle the index of the nearest time in the haystack (neither need be sorted)."""
+    """Index (needle,) of the time in the haystack that is nearest to each needle. Neither need be sorted."""
     order = np.argsort(haystack, kind="stable")
     ordered = haystack[order]
     right = np.clip(np.searchsorted(ordered, needles), 1, max(ordered.size - 1, 1)).clip(max=ordered.size - 1)

@@ -53,7 +53,7 @@ def plain_word(text: str) -> str:
 
 
 def is_left_out(kind: str, word: str) -> bool:
-    """Whether a plain word of this kind (EVENT_TYPE, STATUS) says that an event is no seismicity."""
+    """True if a plain word of this kind (EVENT_TYPE, STATUS) says that an event is no seismicity."""
     ends = kind == EVENT_TYPE and word.split(" ")[-1] in NOT_SEISMIC_ENDINGS
     return word in NOT_SEISMIC_WORDS[kind] or ends
 
@@ -98,7 +98,10 @@ def no_seismicity(kinds: Mapping[str, NDArray], settings: RecordSlice, source: s
 
 
 def types_text(types: NDArray) -> str:
-    """How many of the events (event,) are of each type; empty where no type is given."""
+    """Numbers of events by type, most frequent first, in a list for a sentence; empty where no type is given.
+
+    types (event,): types as the file has them.
+    """
     words, counts = np.unique([plain_word(text) for text in types], return_counts=True)
     if not any(words):
         return ""
@@ -265,9 +268,11 @@ def check_places(location: np.ndarray, source: str) -> None:
 def _whole_events(
     events: xr.Dataset, other: Mapping[str, np.ndarray], repeated: np.ndarray | None, source: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Which events (event,) are seismicity, have a time, a place and a size and stand there once.
+    """Events that are kept (event,) bool, and the number of dropped ones by reason.
 
-    And how many are not, by why: other, what is no seismicity, (event,) bool each; then by what lacks.
+    Kept events are seismicity, have a time, a place and a size, and are not repeated. other: by reason, the events
+    (event,) bool that are no seismicity; repeated (event,) bool: events that occur before, None: not looked for. An
+    event is counted at its first reason. Raises InputError if there is seismicity and none of it is kept.
     """
     has = {
         **{what: ~here for what, here in other.items()},
@@ -291,7 +296,7 @@ def _whole_events(
 
 
 def distance_beyond(location: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """How far (event,) m locations (event, 3) m lie outside a box; 0 on its faces and inside."""
+    """Distance (event,) m of locations (event, 3) m from a box; 0 on its faces and inside."""
     return np.linalg.norm(np.maximum(np.maximum(lower - location, location - upper), 0.0), axis=1)
 
 

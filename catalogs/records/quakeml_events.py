@@ -1,4 +1,4 @@
-"""What the events of a QuakeML file hold: catalogues that were written here, moment tensors, location uncertainties.
+"""Content of events of a QuakeML file: catalogues that were written here, moment tensors, location uncertainties.
 
 catalogs/sources/quakeml.py writes such files. Forms of other programs: quakeml_forms.py.
 """
@@ -23,7 +23,7 @@ METRES_PER_DEGREE = 111_195.0  # Length of a degree of latitude: 6,371 km times 
 
 
 def quakeml_bytes(path: str | os.PathLike) -> bytes:
-    """What a file holds: ObsPy would unpack it by its name's ending alone. Raises InputError if it is missing."""
+    """Bytes of a file. ObsPy would unpack a path by its ending alone. Raises InputError if the file is unreadable."""
     try:
         return Path(path).read_bytes()
     except OSError as error:

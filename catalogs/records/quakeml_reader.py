@@ -141,7 +141,10 @@ def _leave_out_rejected(event: "Event") -> None:
 
 
 def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dataset:
-    """This project's own file as this mine's record: its kind and location error come from the configuration."""
+    """Set mine, kind and location error of a record read from a file of this project to those of the configuration.
+
+    Returns the same dataset. Raises InputError for a magnitude that no event has.
+    """
     check_sizes(record["mw"].values, str(path))
     record.attrs |= {
         "mine": settings.mine or record.attrs["mine"],
@@ -210,7 +213,7 @@ def _time(origin, number: int, path: Path) -> np.datetime64:
 
 
 def _time_uncertainties(origin) -> tuple[float | None, float | None]:
-    """How much earlier and how much later than its time an origin may be, s; None where it does not say."""
+    """Uncertainties of an origin's time, s: how much earlier and how much later it may be; None where not stated."""
     errors = getattr(origin, "time_errors", None)
     if not errors:
         return None, None

@@ -171,7 +171,10 @@ def times_of_parts(parts: Mapping[str, np.ndarray], zone: str | None) -> tuple[n
 
 
 def shown_twice(time: np.ndarray, zone: str) -> np.ndarray:
-    """Which times (event,) datetime64[ns], UTC, lie in an hour that a zone's clocks showed twice: (event,) bool."""
+    """True (event,) for times (event,) datetime64[ns], UTC, within an hour that a zone's clocks showed twice.
+
+    Raises InputError for a zone that is not known.
+    """
     local = pd.DatetimeIndex(time).tz_localize("UTC").tz_convert(check_zone(zone)).tz_localize(None)
     first, second = (
         local.tz_localize(check_zone(zone), ambiguous=np.full(len(time), summer), nonexistent="shift_forward")
@@ -201,7 +204,12 @@ def _time_of_day(parts: pd.DataFrame) -> np.ndarray:
 
 
 def _day_first(first: pd.Series, second: pd.Series, text: pd.Series, order: str | None, source: str) -> bool:
-    """Whether 01/02/2019 is the first of February: given, or found from a number that is no month."""
+    """True if the day comes before the month, so that 01/02/2019 is the first of February.
+
+    first, second (event,): the two numbers of each date; text (event,): the dates as written; order: "day" or "month"
+    where it is given, None: found from a number above 12. Raises InputError if neither
+    number or each of them is above 12 in some date.
+    """
     if order is not None:
         return order == "day"
     days, months = bool((first > 12).any()), bool((second > 12).any())

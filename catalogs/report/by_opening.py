@@ -129,7 +129,8 @@ def with_most_potency(rows: list[OpeningRow]) -> list[OpeningRow]:
 
 
 def where(evidence: Evidence) -> list[str]:
-    """How near to excavations events are, and which one has most potency nearest to it."""
+    """Sentence on how near modelled events are to excavations, and which excavation has the largest share of potency
+    nearest to it; an empty list without modelled events or excavations."""
     events = evidence.resolved
     if events is None or not events.sizes["event"]:
         return []

@@ -1,4 +1,4 @@
-"""What the report is made from: of the datasets of one mine what it shows, and what follows from them directly."""
+"""Evidence of a report: the parts of one mine's datasets that it shows, and what follows from them directly."""
 
 import json
 import os
@@ -47,7 +47,7 @@ class ExcavationRow:
 
     @property
     def filled_at_once(self) -> bool:
-        """Whether fill stands in it while its own step unloads the rock."""
+        """True if the excavation is filled in its own step, so that fill supports rock while that step unloads it."""
         return self.fill != "none" and self.filled == self.step
 
 
@@ -195,7 +195,7 @@ def on_cells_of(grid: xr.Dataset, state: xr.Dataset) -> xr.Dataset:
 
 
 def _scheduled(entries: list[dict]) -> list[Scheduled]:
-    """When excavations of a configuration as written are mined and filled."""
+    """Steps in which excavations are mined and filled, one entry for each of a configuration as written."""
     given = [{key: entry[key] for key in Scheduled.model_fields if key in entry} for entry in entries]
     return [Scheduled.of(entry) for entry in given]
 
@@ -214,7 +214,10 @@ def shown_catalogues(evidence: Evidence) -> dict:
 
 
 def compared_events(evidence: Evidence, shown: dict) -> dict[str, np.ndarray]:
-    """Which events (event,) of each catalogue shown the comparison's numbers are of; all where nothing is compared."""
+    """Events (event,) bool, by label of the catalogue, that the comparison counts; all where nothing is compared.
+
+    shown: catalogues by label. All events count, too, if the comparison was made with other catalogues.
+    """
     comparison = evidence.comparison
     found = {label: np.ones(catalog.sizes["event"], bool) for label, catalog in shown.items()}
     if comparison is None or not comparison["events_above_cut"].values.all():
@@ -228,7 +231,10 @@ def compared_events(evidence: Evidence, shown: dict) -> dict[str, np.ndarray]:
 
 
 def selection(compared: dict[str, np.ndarray]) -> str:
-    """How many of the events shown are compared; empty where all are."""
+    """Sentence on how many of the events shown are compared; empty where all are.
+
+    compared: by label of the catalogue, events (event,) bool that are compared.
+    """
     if all(chosen.all() for chosen in compared.values()):
         return ""
     counts = [

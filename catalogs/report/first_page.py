@@ -24,7 +24,8 @@ MAX_NEXT = 3
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
-    """What the template of the first page shows."""
+    """Content of the first page: period, notice of a twin, warning, picture, lines of the chosen steps, total, number
+    of steps not shown, size from which events count, verdict, sources of uncertainty, next steps."""
     warnings, lines, uncertain = banners(evidence), step_lines(evidence), sources(evidence)
     chosen = latest_and_largest(lines)
     return {
@@ -43,7 +44,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
 
 
 def _when(evidence: Evidence) -> str:
-    """Which time the report is of."""
+    """Number of dated steps, with the first and the last day; empty without dated steps."""
     dated = evidence.dated
     if not dated:
         return ""
@@ -51,7 +52,8 @@ def _when(evidence: Evidence) -> str:
 
 
 def _warning(warnings: Sequence[Banner]) -> dict | None:
-    """What is wrong, in clauses, and whether it makes the numbers invalid; None where nothing is."""
+    """Warning of the first page: invalid (the numbers must not be used), text (the first MAX_BRIEF clauses) and more
+    (how many others there are); None without a warning that has a clause."""
     brief = [one for one in warnings if one.brief]
     if not brief:
         return None
@@ -84,7 +86,10 @@ def _openings(evidence: Evidence) -> list[Mined]:
 
 
 def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[str, xr.Dataset]]) -> str:
-    """Which events are drawn, and how many of them lie beyond the picture's edges."""
+    """Caption of the picture: the events drawn, and the number of those beyond its edges.
+
+    largest: by label of the catalogue, the colour and the events to be drawn.
+    """
     drawn = {label: events for label, (_, events) in largest.items() if events.sizes["event"]}
     if not drawn:
         return "Openings by step. There are no events to draw."
@@ -112,8 +117,9 @@ def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:
 
 
 def next_steps(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequence[Source]) -> list[Advice]:
-    """At most MAX_NEXT: mend what is wrong; get something to compare with; correct a potency that is off; make what is
-    most uncertain less so; state what is missing; look ahead."""
+    """Advice on the next steps, each once and at most MAX_NEXT, the most urgent first: mend what is wrong; get
+    something to compare with; correct a potency that is off; make what is most uncertain less so; state what is
+    missing; look ahead."""
     found: dict[Advice, None] = {}  # in order, each once
     for advice in _all(evidence, warnings, uncertain):
         found.setdefault(advice)
@@ -155,6 +161,9 @@ def _calibrate(evidence: Evidence) -> Advice:
 
 
 def _is_off(evidence: Evidence) -> bool:
-    """Whether the record has events, and the model's potency or number differs from theirs by more than chance."""
+    """True if the record has events and the model's potency or number of events differs by more than chance.
+
+    Needs a comparison.
+    """
     recorded = int(evidence.comparison["events_above_cut"].sel(catalogue="record"))
     return recorded > 0 and any(differs(evidence, name) for name in ("potency_ratio", "event_ratio"))

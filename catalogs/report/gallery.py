@@ -26,7 +26,7 @@ class Gallery:
 
 
 def draw_sections(sections: Mapping[str, Callable[[Gallery], Any]], folder: Path, processes: int) -> dict[str, Any]:
-    """What sections show, by name, with their figures saved in the folder; drawn in so many processes.
+    """Return values of sections by name, with their figures saved in the folder; drawn in so many processes.
 
     Figures of an earlier report that this one no longer has are removed.
     """
@@ -40,6 +40,6 @@ def draw_sections(sections: Mapping[str, Callable[[Gallery], Any]], folder: Path
 
 
 def _draw(section: Callable[[Gallery], Any], folder: Path) -> tuple[Any, list[str]]:
-    """What a section shows, and the names of its figures' files."""
+    """Return value of a section, drawn with a gallery in the folder, and the names of its figures' files."""
     gallery = Gallery(folder)
     return section(gallery), gallery.names

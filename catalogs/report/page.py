@@ -64,7 +64,7 @@ def write_report(
 
 
 def content_security_policy(scripts: list[str]) -> str:
-    """What the browser lets the page do: run these scripts, show images that it contains, and ask no address."""
+    """Content security policy of the page: it may run these scripts and show its own images, and asks no address."""
     digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     return f"{POLICY}; script-src " + (" ".join(f"'sha256-{digest}'" for digest in digests) or "'none'")
 

@@ -1,5 +1,5 @@
-"""What makes the modelled potency uncertain, and its ratio to the recorded one: each source as a factor, the largest
-first; what was not measured last, with what would measure it."""
+"""Sources of uncertainty of the modelled potency and of its ratio to the recorded one: each source as a factor, the
+largest first; those not measured last, with what would measure them."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ class Source:
 
     @property
     def matters(self) -> bool:
-        """Whether to do something about it."""
+        """True if the source is worth acting on: its factor is at least MIN_FACTOR, infinite or not known (NaN)."""
         return not self.factor < MIN_FACTOR
 
 

@@ -1,4 +1,4 @@
-"""What the model says and how well it agrees with the record, in sentences for the first page."""
+"""Result of the model and its agreement with the record, in sentences for the first page."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -115,7 +115,10 @@ def _ratio(evidence: Evidence, name: str, of: str) -> str:
 
 
 def _judged(evidence: Evidence) -> str:
-    """What the intervals of both ratios say."""
+    """Sentence that tells whether chance explains the differences in potency and in the number of events.
+
+    Needs a comparison in which both catalogues have events.
+    """
     potency, number_of_events = (differs(evidence, name) for name in ("potency_ratio", "event_ratio"))
     if potency:
         ratio = float(evidence.comparison["potency_ratio"])
@@ -127,13 +130,17 @@ def _judged(evidence: Evidence) -> str:
 
 
 def differs(evidence: Evidence, name: str) -> bool:
-    """Whether a ratio of the model to the record differs from 1 by more than chance."""
+    """True if the 95 % interval of a ratio of the model to the record is known and excludes 1.
+
+    name: "potency_ratio" or "event_ratio".
+    """
     low, high = evidence.comparison[f"{name}_interval"].values
     return bool(np.isfinite(low) and not low <= 1 <= high)
 
 
 def _against_face(evidence: Evidence) -> list[str]:
-    """How far the middle of modelled and of recorded events is from a moving face, if the mine has one."""
+    """Sentence on the median distances of modelled and recorded events ahead of the face; an empty list without a face
+    or without events there."""
     comparison = evidence.comparison
     if "face_measure" not in comparison or not comparison["face_events"].values.all():
         return []
@@ -153,7 +160,8 @@ def _from_face(ahead: float) -> str:
 
 
 def _places(evidence: Evidence) -> list[str]:
-    """How far apart modelled and recorded events are, against the error of location and the spacing of the record."""
+    """Sentences on the distance between modelled and recorded events, compared with the location error and the spacing
+    of the record; an empty list where places are not compared."""
     comparison = evidence.comparison
     if not np.isfinite(comparison["energy_distance"]):
         return []
@@ -190,7 +198,8 @@ def _directions(evidence: Evidence) -> list[str]:
 
 
 def _largest(evidence: Evidence) -> list[str]:
-    """How far chance alone moves the largest modelled event; nothing where that is not known."""
+    """Sentence on the range of Mw within which chance alone moves the largest modelled event; an empty list where that
+    is not known."""
     expected = expected_range(evidence)
     if expected is None:
         return []
@@ -200,7 +209,7 @@ def _largest(evidence: Evidence) -> list[str]:
 
 
 def _cannot(evidence: Evidence) -> str:
-    """What the report does not know."""
+    """Sentence on the questions that the report cannot answer."""
     comparison = evidence.comparison
     found = ["when within its step an event happens"]
     if comparison is not None and np.isfinite(cut_of(evidence)):

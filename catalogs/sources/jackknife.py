@@ -46,6 +46,6 @@ class Scatter:
 
 
 def effective_blocks(sizes: NDArray) -> float:
-    """How many equal blocks these (block,) are worth (Kish 1965); 0 without any."""
+    """Effective number of blocks, (sum s)^2 / sum s^2 of their sizes s (block,) (Kish 1965); 0 if all are empty."""
     sizes = np.asarray(sizes, float)
     return float(sizes.sum() ** 2 / np.sum(sizes**2)) if sizes.any() else 0.0

@@ -77,10 +77,10 @@ class MeanAxis:
 
 
 def describe_axes(axes: NDArray, labels: NDArray, blocks_known: bool) -> MeanAxis:
-    """What axes (event, 3), NaN where unclear, have in common; labels (event,): the block of each, 0, 1, ...
+    """Mean direction, or pattern without a mean, of axes (event, 3), NaN where unclear; labels (event,): their blocks.
 
     Axes count as uniform unless Bingham's statistic, 15/2 n sum (S_i - 1/3)^2 of chi-square with 5 degrees of
-    freedom (Mardia and Jupp 2000, 10.7), says otherwise. n: how many independent axes the events are worth, their
+    freedom (Mardia and Jupp 2000, 10.7), says otherwise. n is the effective number of independent axes: their
     number over the design effect: the jackknife's variance of the orientation matrix over that of independent events.
     """
     clear = np.isfinite(axes).all(axis=-1)

@@ -133,7 +133,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
 
 
 def _origin(name: str, values: dict[str, np.ndarray], index: int, globe: np.ndarray, location_error: float) -> Origin:
-    """Where and when an event was; values: by field, of all events; globe: latitude and longitude (degrees), depth (m).
+    """Origin (QuakeML) of event `index`; values: fields of all events; globe: latitude, longitude (degrees), depth m.
 
     location_error (m, NaN if not known) is the root mean square distance in 3-D: depth gets its share as a standard
     error, the horizontal the radius of a circle of the same confidence.
@@ -199,7 +199,7 @@ def _word(text: str) -> str:
 
 
 def _texts(values: np.ndarray) -> list[str]:
-    """One text per event that gives its values back exactly."""
+    """Texts, one per event, from which the event's values are read back exactly."""
     if values.dtype.kind == "f":
         return [
             " ".join(map(repr, row)) for row in values.reshape(len(values), int(np.prod(values.shape[1:]))).tolist()
@@ -213,6 +213,9 @@ def _plain(attributes: dict) -> dict:
 
 
 def sigmas(level: float | None, dimensions: int) -> float:
-    """How many standard errors of one coordinate the edge of a confidence region is away."""
+    """Radius of a confidence region in standard errors of one coordinate (normal errors, equal in all dimensions).
+
+    level: confidence, %; that of one standard error in one dimension where it is None or not between 0 and 100.
+    """
     share = (ONE_SIGMA_PERCENT if level is None or not 0 < level < 100 else level) / 100
     return float(np.sqrt(scipy.stats.chi2.ppf(share, dimensions)))

@@ -22,7 +22,7 @@ UNROUNDED_BIN_WIDTH = 0.02  # Bins of log10 potency in which sizes that are not 
 
 @dataclass(frozen=True)
 class Law:
-    """What sizes above a cut follow: a name above, and the chance of as bad a fit of either law if it held."""
+    """Law of sizes above a cut: its name, and for either law the probability of as bad a fit if that law held."""
 
     name: str
     power_p_value: float

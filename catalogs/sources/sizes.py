@@ -45,7 +45,11 @@ class Exponential:
         return scipy.optimize.brentq(lambda beta: self.mean(beta) - excess, -steepest, steepest, xtol=1e-12 * steepest)
 
     def interval(self, beta: float, excess: float, count: int, confidence: float) -> tuple[float, float]:
-        """Where twice the drop of the log-likelihood from its maximum equals the chi-square quantile."""
+        """Confidence interval (lower, upper) of beta by the likelihood ratio.
+
+        At its ends twice the drop of the log-likelihood from its maximum equals the chi-square quantile. beta: at the
+        maximum; excess: mean excess of sizes over the cut; count: number of events; confidence: 0 to 1.
+        """
         best = beta * excess + self.log_normaliser(beta)
         allowed = scipy.stats.chi2.ppf(confidence, 1) / (2 * count)
         step = 2 / np.sqrt(count * self.variance(beta))
@@ -230,7 +234,7 @@ class BDifference:
 
 
 def difference_b(first: BValue, second: BValue) -> BDifference:
-    """How far two b-values differ.
+    """Difference of two b-values, first minus second, with its error, interval and p-value; NaN if either b is unknown.
 
     Interval: from the two confidence intervals, which need not be symmetric (Zou and Donner 2008). p-value: two-sided,
     exact (F distribution of the ratio: Utsu 1966) where neither has a bound, else normal.

@@ -1,4 +1,4 @@
-"""How oriented: P, B and T axes on lower-hemisphere equal-area nets (paper Fig. 21), Kagan angles, source types.
+"""Orientation of events: P, B, T axes on lower-hemisphere equal-area nets (paper Fig. 21), Kagan angles, source types.
 
 The template is "axes.html.j2".
 """
@@ -58,7 +58,8 @@ class Axes:
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
-    """What the template shows; None without axes."""
+    """Content of the section on axes: figures of nets, source types and Kagan angles (the last two may be None),
+    isotropic share, widest cone, selection of events, rows and text of the comparison. None without axes."""
     shown = shown_catalogues(evidence)
     chosen = compared_events(evidence, shown)
     kept = {label: catalog.isel(event=chosen[label]) for label, catalog in shown.items()}
@@ -251,7 +252,7 @@ def _mark_insitu(axes, vector: np.ndarray, label: str) -> None:
 
 
 def _net(axes, axes_of: Axes, column: int):
-    """One net; gives what a colour bar needs, None if nothing is contoured."""
+    """Draw one net and return what a colour bar needs, None if nothing is contoured."""
     axes.grid(False)
     axes.set_azimuth_ticks([])
     for x, y, name in ((0.5, 1.02, "N"), (1.02, 0.5, "E"), (0.5, -0.02, "S"), (-0.02, 0.5, "W")):
@@ -277,7 +278,10 @@ def _net(axes, axes_of: Axes, column: int):
 
 
 def _mark_mean(axes, axes_of: Axes, column: int) -> None:
-    """What the axes of one net have in common: a star and its cone, a girdle's great circle, or a word."""
+    """Mark the mean of the axes on one net: a star and its cone, the great circle of a girdle, or a word.
+
+    axes: net to draw on; column: 0, 1, 2 for P, B, T.
+    """
     trend, plunge, cone = (part[column] for part in (axes_of.mean_trend, axes_of.mean_plunge, axes_of.mean_cone))
     pole = axes_of.pole_trend[column], axes_of.pole_plunge[column]
     if axes_of.shape[column] == GIRDLE:

@@ -15,7 +15,8 @@ LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
-    """What the template shows; None without modelled events."""
+    """Content of the section on the largest events: the figure of their beach balls, and a row of text for each. None
+    without modelled events."""
     if evidence.catalog is None:
         return None
     largest = largest_events(evidence.resolved, LARGEST_EVENTS_DRAWN)

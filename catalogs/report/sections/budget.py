@@ -1,4 +1,4 @@
-"""Which part of the plastic strain became events.
+"""Budget of potency: the share of plastic strain that became events.
 
 The template is "budget.html.j2".
 """
@@ -37,7 +37,8 @@ def budget_rows(evidence: Evidence) -> tuple[list[str], list[dict], dict]:
 
 
 def section(evidence: Evidence, _: Gallery) -> dict | None:
-    """What the template shows; None without a budget."""
+    """Content of the section on the budget: names of components, rows of text, scalars of the budget, floor of potency
+    (m3), seismic fraction and shear modulus (Pa) of the catalogue. None without a budget."""
     components, rows, budget = budget_rows(evidence)
     if not rows:
         return None

@@ -14,7 +14,8 @@ DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # faster where PyYAML wa
 
 
 def section(evidence: Evidence, _: Gallery) -> dict:
-    """What the template shows."""
+    """Content of the section on settings: lines of the resolved configuration, each with whether it differs from the
+    default, and versions of packages."""
     return {"lines": config_lines(evidence.config, evidence.default), "versions": _versions(evidence)}
 
 

@@ -1,4 +1,4 @@
-"""How each stage reached equilibrium, and what cells and increments leave uncertain.
+"""Convergence of each stage to equilibrium, and the uncertainty that cells and increments leave.
 
 The template is "convergence.html.j2".
 """
@@ -28,7 +28,9 @@ MAX_POINTS_PER_CURVE = 4000  # More points of one curve cannot be distinguished 
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
-    """What the template shows; figure: None before any stage."""
+    """Content of the section on convergence: discretisation (sentences), figure (None before any stage), constants of
+    the error estimate, table (attributes and number of new failures of each stage); cells, sizes (m) and floor (log P)
+    of the comparison of cell sizes, empty and NaN without one."""
     figure = gallery.add("convergence", convergence(evidence.stages)) if evidence.stages else None
     failures = [int(stage["convergence_new_failures"].values.sum()) for stage in evidence.stages]
     beside = evidence.grid_convergence
@@ -46,7 +48,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
 
 
 def discretisation(evidence: Evidence) -> list[str]:
-    """How far the dated steps' numbers depend on cells and increments, in a paragraph; none without events."""
+    """Sentences on how far the numbers of the dated steps depend on cells and increments; empty without events."""
     if evidence.catalog is None or not evidence.catalog.sizes["event"]:
         return []
     share = increment_share(evidence)
@@ -104,7 +106,7 @@ def _at_once(evidence: Evidence) -> list[str]:
 
 
 def _named(evidence: Evidence, names: list[str]) -> str:
-    """Those of these excavations that are mined by now, in a list for a sentence; empty if none is."""
+    """Names of the mined ones among these excavations, in a list for a sentence; empty if none is mined."""
     mined = [row.name for row in evidence.excavations if row.name in names and not row.planned]
     more = f" and {len(mined) - MAX_NAMED} more" if len(mined) > MAX_NAMED else ""
     return ", ".join(mined[:MAX_NAMED]) + more
@@ -135,8 +137,8 @@ def cell_errors(evidence: Evidence) -> tuple[float, float] | None:
 
 
 def increment_share(evidence: Evidence) -> float:
-    """By which share loading in increments makes the potency of the dated steps too large, as far as their overshoot
-    tells (docs/explanation/uncertainty.md: no bound in theory); NaN where it is not known."""
+    """Share by which loading in increments makes the potency of the dated steps too large, estimated from their
+    overshoot (docs/explanation/uncertainty.md: no bound in theory); NaN where it is not known."""
     steps, catalog = evidence.dated, evidence.catalog
     step, potency = catalog["step"].values, catalog["potency"].values
     shares = np.array([float(one.get("overshoot_share", np.nan)) for one in steps])
@@ -147,7 +149,8 @@ def increment_share(evidence: Evidence) -> float:
 
 
 def cell_rows(table: xr.Dataset) -> list[dict]:
-    """Each dated step and all of them: numbers on both cells as text, and the share that they may be off by."""
+    """Rows of the comparison of cell sizes, one for each dated step and one for all: numbers on both cell sizes and the
+    relative errors of potency and failed volume, as text."""
     found = []
     for period in table["period"].values:
         here = table.sel(period=period)

@@ -1,4 +1,4 @@
-"""Where and when: both catalogues in space, by opening, in time and against the face.
+"""Places and times of events of both catalogues: in space, by opening, in time and relative to the face.
 
 The template is "events.html.j2".
 """
@@ -53,7 +53,9 @@ MIN_EVENTS_IN_TIME = 40  # Fewer events have no completeness in time.
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
-    """What the template shows; None without events."""
+    """Content of the section on events: figures of places and of nearness, selection, location error (m; 0 if places
+    are not compared), rows by opening, labels of the catalogues, rows and text of the comparison of places, events in
+    time and relative to the face. None without events."""
     shown = shown_catalogues(evidence)
     if not shown:
         return None

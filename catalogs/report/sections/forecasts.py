@@ -1,4 +1,4 @@
-"""What kept forecasts said, and what was recorded.
+"""Kept forecasts compared with what was recorded.
 
 The template is "forecasts.html.j2".
 """
@@ -10,5 +10,5 @@ from catalogs.report.gallery import Gallery
 
 
 def section(evidence: Evidence, _: Gallery) -> list[str]:
-    """What kept forecasts said, beside what was recorded, in sentences."""
+    """Sentences that compare kept forecasts with what was recorded; an empty list without scores."""
     return [] if evidence.forecast_scores is None else json.loads(evidence.forecast_scores.attrs["sentences"])

@@ -16,12 +16,14 @@ from catalogs.sources.sizes import MIN_EVENTS_FOR_B
 
 
 def section(evidence: Evidence, _: Gallery) -> list[str]:
-    """What the template shows."""
+    """Sentences of the section on the record: the time compared, the events read and left out, and why comparisons are
+    impossible. Empty without a record."""
     return sentences(evidence)
 
 
 def sentences(evidence: Evidence) -> list[str]:
-    """What was read, left out and compared; then what cannot be compared, and why. Empty without a record."""
+    """Sentences on the events of the record that were read, left out and compared, then on what cannot be compared and
+    why. Without dated steps one sentence says that a given record is not compared. Empty without a record."""
     if evidence.record is None:
         if "record" in evidence.config and evidence.steps:
             return [
@@ -34,7 +36,7 @@ def sentences(evidence: Evidence) -> list[str]:
 
 
 def _account(evidence: Evidence) -> str:
-    """How many events the file holds, how many of them count, and why the others do not."""
+    """Sentences on the number of events in the record's file, the number of them that count, and why others do not."""
     attributes, name = evidence.record.attrs, "record (a twin)" if evidence.is_twin else "record"
     filters = json.loads(attributes.get("filter", "[]"))
     dropped = json.loads(attributes.get("dropped", "{}"))
@@ -70,7 +72,8 @@ def _account(evidence: Evidence) -> str:
 
 
 def _counted(evidence: Evidence) -> str:
-    """How many of the events of both catalogues are large enough to be compared; empty where none is."""
+    """Sentence, after a space, on the number of events of either catalogue that are large enough to be compared; empty
+    where one of them has none."""
     comparison = evidence.comparison
     if comparison is None or not comparison["events_above_cut"].values.all():
         return ""
@@ -80,7 +83,8 @@ def _counted(evidence: Evidence) -> str:
 
 
 def _impossible(evidence: Evidence) -> list[str]:
-    """Why the model and the record, or one of the three comparisons, cannot be compared."""
+    """Sentences on why places, sizes or axes of the model and the record cannot be compared; empty if all can be, or
+    without a comparison."""
     comparison = evidence.comparison
     if comparison is None:
         return []
@@ -124,7 +128,7 @@ def _impossible(evidence: Evidence) -> list[str]:
 
 
 def _follow(law: str) -> str:
-    """What sizes do, of the name of a law."""
+    """Predicate of a sentence on sizes of events, from the name of their law: "follow one", ..., "are too few"."""
     return {POWER: "follow one", TRUNCATED: "follow one that ends at the largest", NONE: "follow none"}.get(
         law, "are too few"
     )

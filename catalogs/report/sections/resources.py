@@ -1,4 +1,4 @@
-"""What each stage of the run took, from its log.
+"""Time and memory that each stage of the run took, from its log.
 
 The template is "resources.html.j2".
 """
@@ -27,7 +27,7 @@ MADE_BY = {  # stage, and the datasets without all of which its log is of an ear
 
 
 def section(evidence: Evidence, _: Gallery) -> list[dict]:
-    """What the template shows."""
+    """Rows of the section on resources, one for each stage of the run: its name and the columns of `common.costs`."""
     absent = {stage for stage, names in MADE_BY.items() if all(getattr(evidence, name) is None for name in names)}
     absent |= set() if evidence.steps else {"events"}
     members = 0 if evidence.spread is None else int(evidence.spread.attrs["members"])
@@ -35,7 +35,8 @@ def section(evidence: Evidence, _: Gallery) -> list[dict]:
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
-    """What each stage cost, from the logs of stages below a folder: columns as in `common.costs`.
+    """Rows of what each stage cost, from the logs below a folder: its name and the columns of `common.costs`. Empty
+    without the folder.
 
     Logs of earlier configurations are left out: of other steps than these, of `absent` stages, of members beyond so
     many. So are logs of an earlier version. Each member of an ensemble is one row: the sum of its times, the largest of

@@ -1,4 +1,4 @@
-"""What the rock did: where it failed and when, how near the rest is to failing, how far it moved, where energy went.
+"""Response of the rock: place and time of failure, distance of intact rock from failure, displacement and energy.
 
 The template is "rock.html.j2".
 """
@@ -39,7 +39,8 @@ MIN_ARROW_SHARE = 0.2  # Arrows shorter than this share of the longest are not d
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
-    """What the template shows; None before any stage."""
+    """Content of the section on rock: figures of failed rock (None if none failed), strength factor and displacement,
+    tables of totals and energy, and the excavated share from which cells are drawn. None before any stage."""
     if evidence.state is None:
         return None
     grid, state, cuts, planned = evidence.grid, evidence.state, cut_planes(evidence), evidence.planned
@@ -92,7 +93,7 @@ def _energy_row(step: dict, columns: dict[str, tuple[str, ...]]) -> dict:
 
 
 def _unknown(steps: list[dict]) -> bool:
-    """Whether a step's balance is not known: its particles moved."""
+    """True if the energy balance of one of the steps is not known, because its particles moved."""
     return any(not np.isfinite(float(step["energy_left_share"])) for step in steps)
 
 

@@ -16,7 +16,9 @@ from catalogs.report.text import whole
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
-    """What the template shows."""
+    """Content of the section on the scene: figures of grid levels and excavated share (None without excavations), table
+    of levels, sentences on the cap of cells and on the far field, rows of excavations, and rows by step if there are
+    many."""
     cuts, rows = cut_planes(evidence), evidence.excavations
     return {
         "levels": gallery.add("grid_levels", grid_levels(evidence.grid, cuts)),
@@ -70,7 +72,8 @@ def _row(step: str, members: list[ExcavationRow]) -> dict:
 
 
 def far_field(grid: xr.Dataset) -> str:
-    """What is expected of a domain that follows from its openings, in a sentence; empty where it was given."""
+    """Sentences on a domain that follows from its openings: distance of its boundary and error of the stress at walls;
+    empty where the domain was given."""
     if "far_field_error" not in grid.attrs:
         return ""
     distance, error = float(grid.attrs["far_field_distance"]), float(grid.attrs["far_field_error"])

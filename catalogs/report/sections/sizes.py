@@ -1,4 +1,4 @@
-"""How large: potency-frequency plots (paper Fig. 20), b and its dependence on the cut, closeness and links.
+"""Sizes of events: potency-frequency plots (paper Fig. 20), b and its dependence on the cut, closeness and links.
 
 The template is "sizes.html.j2".
 """
@@ -43,7 +43,9 @@ class Sizes:
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
-    """What the template shows; None without events."""
+    """Content of the section on sizes: figures of potency-frequency and of b against the cut, rows of the comparison,
+    fits of both catalogues, rows by closeness, sentences on intervals and unlike particles, scales of b, texts of the
+    comparison. None without events."""
     shown = shown_catalogues(evidence)
     if not shown:
         return None
@@ -194,7 +196,8 @@ def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
 
 
 def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
-    """What the intervals of the report's head contain and what they do not, in one sentence; none without rows."""
+    """Sentences on what the interval of the model's b reflects and what it does not, with the range of b over closeness
+    and links; an empty list if b is known in none of the rows."""
     known = [row for row in rows if np.isfinite(row["b"])]
     law = "" if evidence.comparison is None else evidence.comparison.attrs.get("law_model", "")
     if not known:
@@ -215,7 +218,7 @@ def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
 
 
 def unlike(evidence: Evidence) -> str:
-    """Which share of the potency lies in particles unlike their event; empty where no event was made."""
+    """Sentence on the share of potency in particles whose tensor is unlike their event's; empty without events."""
     if evidence.catalog is None or "unlike_share" not in evidence.catalog.attrs or not evidence.catalog.sizes["event"]:
         return ""
     share = percent(evidence.catalog.attrs["unlike_share"])

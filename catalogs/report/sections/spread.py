@@ -34,7 +34,8 @@ MEMBERS_HALF_WIDTH = 0.25
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
-    """What the template shows; without an ensemble the sentence alone."""
+    """Content of the section on spread: figure, headline, rows, number of members, largest overstress (share of
+    cohesion) and cut of sizes. Without an ensemble a sentence that says so (one_run), and no rows."""
     runs, record = evidence.spread, evidence.record
     if runs is None:
         return {"one_run": ONE_RUN, "rows": []}
@@ -50,7 +51,8 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
 
 
 def spread_rows(evidence: Evidence) -> list[dict]:
-    """Each quantity over all dated steps: the mine's own run, mean, standard deviation, range of the members."""
+    """Rows of text, one for each quantity over all dated steps: value of the mine's own run; mean, standard deviation,
+    its share of the mean, least and largest value of the ensemble."""
     runs, rows = evidence.spread.sel(period=ALL_STEPS), []
     for quantity, (name, unit, form) in QUANTITY_ROWS.items():
         own = float(runs[quantity].values[0]) / unit

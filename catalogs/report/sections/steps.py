@@ -1,4 +1,4 @@
-"""Each step in one line: what it mines, modelled beside recorded events, the largest, potency; and all in sentences.
+"""Steps, one line for each: excavations mined, modelled and recorded events, the largest, potency; all in sentences.
 
 The template is "steps.html.j2".
 """
@@ -51,7 +51,7 @@ class StepLine:
 
 
 def section(evidence: Evidence, _: Gallery) -> dict:
-    """What the template shows."""
+    """Content of the section on steps: headline (sentences), a line for each step, and the table's caption."""
     lines = step_lines(evidence)
     return {"headline": headline(evidence), "lines": lines, "caption": caption(evidence) if lines else ""}
 
@@ -87,7 +87,7 @@ def total(evidence: Evidence, lines: Sequence[StepLine]) -> StepLine:
 
 
 def latest_and_largest(lines: Sequence[StepLine], most: int = MAX_LINES) -> list[StepLine]:
-    """At most so many of the lines, in their order: the latest step, and those with the largest shares of potency."""
+    """Lines of the latest step and of those with the largest shares of potency, at most `most`, in their order."""
     if len(lines) <= most:
         return list(lines)
     potency = np.array([[side.potency for side in line.sides] for line in lines])
@@ -118,7 +118,7 @@ def cut_of(evidence: Evidence) -> float:
 
 
 def caption(evidence: Evidence) -> str:
-    """Which events the table of the appendix counts."""
+    """Caption of the appendix's table of steps, on the events that it counts."""
     if not np.isfinite(cut_of(evidence)):
         return "The table counts events of enough particles."
     cut = typeset(str(evidence.comparison.attrs["cut_text"])).split(",")[0]
@@ -180,7 +180,10 @@ def headline(evidence: Evidence) -> list[str]:
 
 
 def events_by_step(counts: list[tuple[int, str]]) -> str:
-    """How many events each step has, of (number, step); of many steps those with most, in order of time."""
+    """Numbers of events by step, in a list for a sentence; of many steps only those with most events.
+
+    counts: (number of events, name of the step) in order of time, which is kept.
+    """
     if len(counts) > MAX_STEPS_LISTED:
         least = sorted(counts, reverse=True)[MAX_NAMED - 1][0]
         most = [(count, name) for count, name in counts if count >= least][:MAX_NAMED]

@@ -1,4 +1,4 @@
-"""Where rock was too coarse to fail.
+"""Stages in which rock was too coarse to fail.
 
 The template is "truncated.html.j2".
 """
@@ -10,5 +10,5 @@ from catalogs.report.gallery import Gallery
 
 
 def section(evidence: Evidence, _: Gallery) -> list[xr.Dataset]:
-    """The stages with such rock."""
+    """Stages in which rock reached its strength in cells too coarse to fail."""
     return [stage for stage in evidence.stages if stage.attrs["truncated"]]

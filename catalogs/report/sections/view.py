@@ -35,10 +35,10 @@ LEVEL_ERROR = 0.001
 
 @dataclass(frozen=True)
 class CellSet:
-    """What cells of one size hold.
+    """Volume held by cells of one size.
 
-    cell (cell, 3): lower corners, distinct, whole numbers of edges from `corner` (3,) m; share (cell,): which share of
-    each cell is held, above 0 and at most 1; other cells hold nothing. edge: m.
+    cell (cell, 3): lower corners, distinct, whole numbers of edges from `corner` (3,) m; share (cell,): share of each
+    cell that is held, above 0 and at most 1; other cells hold nothing. edge: m.
     """
 
     cell: NDArray
@@ -53,7 +53,7 @@ class CellSet:
         return cls(distinct, np.minimum(np.bincount(place.ravel(), share, len(distinct)), 1.0), edge, corner)
 
     def coarsened(self) -> "CellSet":
-        """This volume in cells of twice the edge."""
+        """Set of cells of twice the edge that hold the same volume."""
         return CellSet.of(self.cell // 2, self.share / 8.0, 2.0 * self.edge, self.corner)
 
     def surface(self) -> tuple[NDArray, NDArray]:
@@ -111,7 +111,9 @@ def enclosed_volume(vertices: NDArray, triangles: NDArray) -> float:
 
 
 def section(evidence: Evidence, _: Gallery) -> dict | None:
-    """What the template shows; None for a mine in a plane, and for one without steps."""
+    """Content of the section on the view: data of the page's script, titles of the catalogues, range of log potency,
+    keys of steps and sizes, colours, whether openings are filled or planned, notes. None for a mine in a plane or
+    without steps."""
     shown = shown_catalogues(evidence)
     if int(evidence.grid.attrs["dimension"]) == 2 or not evidence.steps:
         return None
@@ -138,7 +140,7 @@ def section(evidence: Evidence, _: Gallery) -> dict | None:
 
 
 def _left_out(evidence: Evidence, label: str, catalog: xr.Dataset) -> str:
-    """Which events of a catalogue the view leaves out, in a sentence; empty where it shows all."""
+    """Sentence on the events of a catalogue that the view leaves out; empty where it shows all."""
     undated = int(np.count_nonzero(event_steps(evidence, catalog) < 0))
     small = catalog.sizes["event"] - undated - len(shown_events(evidence, catalog))
     parts = [f"{plural(undated, 'event')} outside of the dates of the steps"] if undated else []

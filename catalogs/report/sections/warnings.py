@@ -1,4 +1,4 @@
-"""What the reader must know before any number: in full for the appendix, in a clause for the first page.
+"""Warnings that come before any number: in full for the appendix, in a clause for the first page.
 
 The template is "warnings.html.j2".
 """
@@ -20,7 +20,7 @@ MAX_TRUNCATED_SHARE = 0.5  # With a larger share of overstressed rock too coarse
 
 @dataclass(frozen=True)
 class Advice:
-    """What to do, as a sentence, and the key or command to do it with; empty where there is none."""
+    """Advice to the reader: a sentence (text), and the key or command to follow it with (code); empty without one."""
 
     text: str
     code: str = ""
@@ -28,8 +28,8 @@ class Advice:
 
 @dataclass(frozen=True)
 class Banner:
-    """What the reader must know. brief: the same as a clause, empty for what is no matter of the first page; mend: what
-    to do about it; invalid: the numbers must not be used before that. kind: how it looks in the appendix."""
+    """Warning or note to the reader. kind: its style in the appendix; text: sentences; brief: the same as a clause,
+    empty if the first page omits it; mend: advice on it; invalid: the numbers must not be used until it is followed."""
 
     kind: str
     text: str
@@ -39,18 +39,18 @@ class Banner:
 
 
 def section(evidence: Evidence, _: Gallery) -> list[Banner]:
-    """What the template shows."""
+    """Banners of the report, those that make the numbers invalid first."""
     return banners(evidence)
 
 
 def banners(evidence: Evidence) -> list[Banner]:
-    """All of them; those that make the numbers invalid first."""
+    """Banners of the report, those that make the numbers invalid first; others by topic."""
     found = [*_numbers(evidence), *_solids(evidence), *_loose(evidence), *_notes(evidence)]
     return sorted(found, key=lambda one: not one.invalid)
 
 
 def _numbers(evidence: Evidence) -> Iterator[Banner]:
-    """What is wrong with the numbers as a whole."""
+    """Banners on the numbers as a whole: draft, cells too large, rock too coarse to fail, failure at the boundary."""
     cell = float(evidence.grid.attrs["fine_cell"])
     if evidence.config.get("accuracy") == "draft":
         yield Banner(
@@ -87,7 +87,7 @@ def _refine(evidence: Evidence) -> Advice:
 
 
 def _solids(evidence: Evidence) -> Iterator[Banner]:
-    """What is wrong with the excavations that are mined, as solids and on the grid."""
+    """Banners on mined excavations: volume on the grid, solids that are not closed, openings narrow for the cells."""
     rows, cell = [row for row in evidence.excavations if not row.planned], float(evidence.grid.attrs["fine_cell"])
     off = [(row.drawn / row.solid - 1, row.name) for row in rows if row.solid > 0]
     off = sorted((one for one in off if abs(one[0]) > MAX_VOLUME_ERROR), key=lambda one: -abs(one[0]))
@@ -138,7 +138,7 @@ def _loose(evidence: Evidence) -> Iterator[Banner]:
 
 
 def _notes(evidence: Evidence) -> Iterator[Banner]:
-    """What the numbers are of."""
+    """Banners on what the numbers describe: fill placed while mining, a twin, no record, the cut of the comparison."""
     at_once = [row.name for row in evidence.excavations if row.dated and row.filled_at_once]
     if at_once:
         text = f"These excavations are filled while they are mined: {_named(at_once)}. "
@@ -154,7 +154,7 @@ def _notes(evidence: Evidence) -> Iterator[Banner]:
 
 
 def draft(evidence: Evidence) -> str:
-    """What a draft changes in the settings of the mine file."""
+    """Sentences on how a draft departs from the settings of the mine file: cells, tolerances and increments."""
     lost = json.loads(evidence.grid.attrs.get("draft_would_lose", "[]"))
     cells = "" if lost else "cells of twice the size, "
     text = (
@@ -205,7 +205,7 @@ def _truncated(evidence: Evidence) -> list[dict]:
 
 
 def at_boundary(evidence: Evidence) -> str:
-    """Whether failed rock has reached a face of the domain that is held or loaded; empty if not."""
+    """Sentences on failed rock that has reached a held or loaded face of the domain; empty if none has."""
     reached = [step for step in evidence.steps if step.get("boundary_failed_faces")]
     if not reached:
         return ""
