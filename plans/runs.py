@@ -36,7 +36,7 @@ class StepResult:
     made_from: str = ""
 
     def from_floor(self, floor: float) -> "StepResult":
-        """This result with the events from a floor on; all of them without one (NaN)."""
+        """Result with only the events of log potency from a floor on; with all events if the floor is NaN."""
         counts = ~(log_potency(self.potency) < floor)
         return replace(self, potency=self.potency[counts], location=self.location[counts])
 

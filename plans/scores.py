@@ -261,7 +261,10 @@ class RecordedStep:
         return float(information_gain(self.location, events, self.error, box).mean())
 
     def chances(self, row: int) -> list[ForecastChance]:
-        """Each chance that was given, with its outcome; row: number of the row of this step."""
+        """Forecast probabilities of this step, each with its outcome; row: number of the row of this step.
+
+        Openings that are mined in later steps, and probabilities that are NaN, are left out.
+        """
         forecast = self.forecast
         distances = [float(one) for one in forecast["distance"].values]
         now, then = (self._nearness(places, max(distances)) for places in (self.location, self.location_before))
@@ -328,7 +331,10 @@ def log_score(forecast_probability: NDArray, occurred: NDArray) -> float:
 
 
 def sentences(scores: xr.Dataset) -> list[str]:
-    """Each forecast in words: its range, what was recorded, whether that is within; scores: forecast_scores.nc."""
+    """Sentences on each forecast: its range, what was recorded, whether that is within; then on steps not scored.
+
+    scores: forecast_scores.nc.
+    """
     lines = []
     for row in range(scores.sizes["row"]):
         part = scores.isel(row=row)
@@ -346,7 +352,7 @@ def _forecast_name(row: xr.Dataset) -> str:
 
 
 def _not_scored(own: xr.Dataset, name: str) -> Iterator[str]:
-    """Why steps of a forecast are not scored."""
+    """Sentences on the steps of a forecast that are not scored, with the reason; own: rows of this forecast."""
     status, steps = own["status"].values, own["step"].values
     known, waiting, without = (steps[status == one] for one in (KNOWN, NOT_YET, NO_FLOOR))
     if len(waiting):
