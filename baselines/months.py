@@ -63,7 +63,11 @@ class Periods:
 
     @classmethod
     def of(cls, start: NDArray, end: NDArray, since: np.datetime64 | None) -> "Periods":
-        """From the dated steps, and the time from which on the record is known; None: from the first step on."""
+        """Periods of the dated steps, and of the time before them back to `since`, in whole pieces as long as the
+        first step of nonzero length.
+
+        start, end (step,) datetime64; since: time from which on the record is known, None: from the first step on.
+        """
         lengths = end - start
         piece = lengths[lengths > np.timedelta64(0, "ns")][0]
         count = 0 if since is None else int(max((start[0] - since) // piece, 0))
