@@ -117,7 +117,7 @@ class Surrogate:
         return other
 
     def left_out(self) -> tuple[NDArray, NDArray]:
-        """Each trial as the others predict it: mean and standard deviation (row, output), noise included.
+        """Leave-one-out predictions of the trials: mean and standard deviation (row, output), noise included.
 
         Rasmussen and Williams (2006), Eqs 5.10 to 5.12, for blocks of rows; hyperparameters stay those of all trials.
         """

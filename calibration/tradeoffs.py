@@ -62,8 +62,8 @@ def _covariance(fit: Fit) -> NDArray:
 
 
 def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[KnownStrength]:
-    """For each pair of a cohesion and a friction angle of the same rock: the confinement at which the posterior of the
-    strength is narrowest compared with its prior."""
+    """Strengths known best, one for each pair of a cohesion and a friction angle of the same rock: at the confinement
+    at which the posterior of the strength is narrowest compared with its prior."""
     keys = [quantity.key for quantity in quantities]
     known: list[KnownStrength] = []
     for number, quantity in enumerate(quantities):

@@ -119,7 +119,7 @@ class Discrepancy:
         return np.full((steps, steps), self.common**2) + self.own**2 * np.eye(steps)
 
     def with_own(self, other: float) -> "Discrepancy":
-        """This discrepancy and a further independent error of each step."""
+        """Discrepancy with a further independent error of each step added, as the root of the sum of squares."""
         return Discrepancy(self.common, float(np.hypot(self.own, other)))
 
 
@@ -155,7 +155,7 @@ class CellCorrection:
         return cls(np.concatenate(shifts), errors)
 
     def during(self, share: NDArray, trials: Outputs) -> "CellCorrection":
-        """This correction, and one of potency and number for the share of each step (step,) that is recorded."""
+        """Correction that also scales potency and number by the share (step,) of each step that is recorded."""
         shift = self.shift.copy()
         for term in (POTENCY, NUMBER):
             shift[trials.columns[term]] += np.log(share)
