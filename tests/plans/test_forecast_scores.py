@@ -107,17 +107,17 @@ def test_chances_are_set_against_what_happened(forecast):
     cells = GRID["piece_origin"].values
     outside = np.maximum(np.maximum(cells - place[:, None], place[:, None] - cells - 2.0), 0.0)
     away = np.linalg.norm(outside, axis=2).min(axis=1)
-    near = found.isel(said=np.flatnonzero(found["said_opening"].values == ANY))
-    assert near.sizes["said"] == 4
-    assert found.sizes["said"] == 4 * 4
+    near = found.isel(chance=np.flatnonzero(found["chance_opening"].values == ANY))
+    assert near.sizes["chance"] == 4
+    assert found.sizes["chance"] == 4 * 4
     for one in range(4):
-        part = near.isel(said=one)
-        smallest = float(forecast["size_log_potency"].sel(size=str(part["said_size"].values)))
-        happened = ((away <= float(part["said_distance"])) & (size >= smallest)).any()
-        assert int(part["happened"]) == happened
-        given = forecast["chance"].sel(period="2019-09", opening=ANY, distance=float(part["said_distance"]))
-        assert float(part["said_chance"]) == float(given.sel(size=str(part["said_size"].values)))
-    assert ((found["rate_chance"].values >= 0.0) & (found["rate_chance"].values <= 1.0)).all()
+        part = near.isel(chance=one)
+        smallest = float(forecast["size_log_potency"].sel(size=str(part["chance_size"].values)))
+        happened = ((away <= float(part["chance_distance"])) & (size >= smallest)).any()
+        assert int(part["occurred"]) == happened
+        given = forecast["chance"].sel(period="2019-09", opening=ANY, distance=float(part["chance_distance"]))
+        assert float(part["forecast_probability"]) == float(given.sel(size=str(part["chance_size"].values)))
+    assert ((found["rate_probability"].values >= 0.0) & (found["rate_probability"].values <= 1.0)).all()
 
 
 def test_the_constant_rate_is_that_of_the_record_that_the_forecast_had(forecast):
@@ -125,7 +125,7 @@ def test_the_constant_rate_is_that_of_the_record_that_the_forecast_had(forecast)
     1 - exp(-n 30 / days)."""
     record = both_months(30)
     found = scored([forecast], record)
-    part = found.isel(said=np.flatnonzero(found["said_opening"].values == ANY)[2])
+    part = found.isel(chance=np.flatnonzero(found["chance_opening"].values == ANY)[2])
     until = np.datetime64(forecast.attrs["recorded_until"])
     days = (until - np.datetime64("2019-08-01")) / np.timedelta64(1, "D")
     before = record["time"].values <= until
@@ -133,12 +133,12 @@ def test_the_constant_rate_is_that_of_the_record_that_the_forecast_had(forecast)
     cells = GRID["piece_origin"].values
     outside = np.maximum(np.maximum(cells - place[:, None], place[:, None] - cells - 2.0), 0.0)
     away = np.linalg.norm(outside, axis=2).min(axis=1)
-    smallest = float(forecast["size_log_potency"].sel(size=str(part["said_size"].values)))
-    number = ((away <= float(part["said_distance"])) & (size >= smallest)).sum()
-    assert float(part["rate_chance"]) == pytest.approx(-np.expm1(-number * 30.0 / days))
+    smallest = float(forecast["size_log_potency"].sel(size=str(part["chance_size"].values)))
+    number = ((away <= float(part["chance_distance"])) & (size >= smallest)).sum()
+    assert float(part["rate_probability"]) == pytest.approx(-np.expm1(-number * 30.0 / days))
     earlier = forecast.assign_attrs(recorded_until="2019-08-01T00:00:00")
-    assert np.isnan(scored([earlier], record)["rate_chance"]).all()
-    assert np.isnan(scored([forecast.assign_attrs(recorded_until="")], record)["rate_chance"]).all()
+    assert np.isnan(scored([earlier], record)["rate_probability"]).all()
+    assert np.isnan(scored([forecast.assign_attrs(recorded_until="")], record)["rate_probability"]).all()
 
 
 def test_sentences_say_what_was_said_and_what_came(forecast):
@@ -159,7 +159,7 @@ def test_a_quiet_month_is_scored(forecast):
     assert row["recorded"].values.tolist()[:2] == [0.0, 0.0]
     assert np.isneginf(row["recorded"].values[2])
     assert np.isnan(row["gain"])
-    assert not found["happened"].any()
+    assert not found["occurred"].any()
     assert "0 were recorded" in sentences(found)[0]
     assert "none recorded" in sentences(found)[0]
 
@@ -289,7 +289,7 @@ def test_a_forecast_of_what_was_mined_otherwise_is_not_scored(forecast, mine, di
     found = scored([forecast], both_months(25), **mine)
     assert found["status"].values.tolist() == [KNOWN, MINED_OTHERWISE if difference else SCORED]
     assert str(found["difference"].values[1]) == difference
-    assert found.sizes["said"] == (0 if difference else 16)
+    assert found.sizes["chance"] == (0 if difference else 16)
     if difference:
         assert sentences(found)[0] == f"Forecast of plan as_planned, 0.nc: 2019-09 is not scored, since {difference}."
 
