@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from common.compiling import compile_loops_once
+from common.compiling import patch_numba
 from common.kernel_files import share_kernel_files
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -61,7 +61,7 @@ def use_numba_cache() -> None:
     folder is in the checkout or, where nothing can be written there, in the user's cache.
     """
     share_kernel_files()
-    compile_loops_once()
+    patch_numba()
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     folder = _writable([base / kernel_hash() for base in (ROOT / ".numba_cache", _user_cache())])
