@@ -125,3 +125,12 @@ def strength_rows(draw):
     pressures = strategies.one_of(strategies.just(0.0), magnitudes())
     cutoffs = strategies.one_of(strategies.none(), strategies.just(0.0), magnitudes())
     return strength_row(draw(angles), draw(angles), draw(pressures), draw(cutoffs))
+
+
+def trials(count, seed):
+    """Principal trial stresses (trial, 3) Pa, of 0.1 to some 100 MPa, of both signs; a third have two equal values."""
+    random = np.random.default_rng(seed)
+    values = random.normal(size=(count, 3)) * 10.0 ** random.uniform(5, 8, size=(count, 1))
+    values += random.normal(size=(count, 1)) * 10.0 ** random.uniform(5, 8, size=(count, 1))
+    values[::3, 1] = values[::3, random.integers(0, 2) * 2]
+    return -np.sort(-values, axis=1)

@@ -7,7 +7,7 @@ from mpm_core.constitutive.coulomb_return import APEX_REGION, EDGE, ELASTIC, FAC
 from mpm_core.constitutive.coulomb_strength import strength_row
 from mpm_core.settings import lame_parameters
 
-from .law_twins import koiter_returns, planes, stiffness
+from .law_twins import koiter_returns, planes, stiffness, trials
 
 MEGA = 1e6
 ROWS = {
@@ -22,15 +22,6 @@ ROWS = {
     "no cohesion": strength_row(30, 10, 0.0),
     "high friction": strength_row(55, 10, 2 * MEGA, 0.2 * MEGA),
 }
-
-
-def trials(count, seed):
-    """Principal trial stresses of 0.1 to 100 MPa, tensile and compressive, a third of them with two equal values."""
-    random = np.random.default_rng(seed)
-    values = random.normal(size=(count, 3)) * 10.0 ** random.uniform(5, 8, size=(count, 1))
-    values += random.normal(size=(count, 1)) * 10.0 ** random.uniform(5, 8, size=(count, 1))
-    values[::3, 1] = values[::3, random.integers(0, 2) * 2]
-    return -np.sort(-values, axis=1)
 
 
 @pytest.mark.parametrize("name", ROWS)

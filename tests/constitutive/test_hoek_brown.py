@@ -33,7 +33,7 @@ from mpm_core.constitutive.laws.hoek_brown import (
 )
 from mpm_core.settings import lame_parameters
 
-from .law_twins import components, magnitudes, matrix, principal, rotated, rotation_from, stiffness, stresses
+from .law_twins import components, magnitudes, matrix, principal, rotated, rotation_from, stiffness, stresses, trials
 
 MEGA = 1e6
 ROWS = {
@@ -52,15 +52,6 @@ def room(x, row):
     """sigma_ci (s - mb x / sigma_ci)^a, odd beyond the apex as the kernel goes on there."""
     base = (row[APEX] - x) * row[MB] / row[SIGMA_CI]
     return math.copysign(row[SIGMA_CI] * abs(base) ** row[EXPONENT], base)
-
-
-def trials(count, seed):
-    """Principal trial stresses of 0.1 to 300 MPa, tensile and compressive, a third of them with two equal values."""
-    random = np.random.default_rng(seed)
-    values = random.normal(size=(count, 3)) * 10.0 ** random.uniform(5, 8, size=(count, 1))
-    values += random.normal(size=(count, 1)) * 10.0 ** random.uniform(5, 8, size=(count, 1))
-    values[::3, 1] = values[::3, random.integers(0, 2) * 2]
-    return -np.sort(-values, axis=1)
 
 
 def koiter_returns(trial, lame_lambda, shear_modulus, row):
