@@ -7,8 +7,8 @@ they are.
 
 The number of a month follows from earlier ones by metres of the face or by days: a rate is the earlier number over the
 earlier metres or days. The test is the number test of forecasts with the chance of both numbers: counts are Poisson
-numbers of equal groups of events, whose size is the clustering of the record (catalogs.compare.exposure.total_ratio).
-So the p-values of months that fit are uniform between 0 and 1.
+numbers of equal groups of events, whose size is the dispersion index of the record
+(catalogs.compare.exposure.total_ratio). So the p-values of months that fit are uniform between 0 and 1.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from scipy.stats import t
 
 from baselines.models import Counted, ModelComparison
 from baselines.settings import BaselineReportSlice
-from catalogs.compare.blocks import MIN_BLOCKS
+from catalogs.compare.blocks import MIN_BLOCKS, cluster_labels
 from catalogs.compare.exposure import DAY, Exposure, Total, common_period, total_ratio
 from catalogs.compare.face import Face
 from catalogs.compare.locations import UNIFORM_SHARE, information_gain, location_errors
@@ -285,14 +285,17 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
     amounts = [_amount(face, start, end) for start, end in zip(periods.start, periods.end, strict=True)]
     inside = [record.between(start, end) for start, end in zip(periods.start, periods.end, strict=True)]
     numbers = np.array([len(one.time) for one in inside])
+    clusters = cluster_labels(record.time, record.place, Exposure(periods.start, periods.end).step(record.time))
     rows = []
     for step in range(len(periods.start) - periods.before):
         own = periods.before + step
         every, last = np.arange(own), np.arange(own)[-1:]
 
         def rates(earlier: NDArray, own: int = own) -> dict[str, Rate]:
-            before = _clustering(record, periods, earlier)
-            now = _clustering(record, periods, np.array([own]))
+            now, before = (
+                Exposure(periods.start[chosen], periods.end[chosen]).dispersion_index(record.time, clusters)
+                for chosen in (np.array([own]), earlier)
+            )
             return {
                 measure: n_test(
                     int(numbers[own]),
@@ -310,14 +313,14 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
 
 
 def n_test(
-    number: int, amount: float, earlier: int, earlier_amount: float, clustering: tuple[float, float] = (1.0, 1.0)
+    number: int, amount: float, earlier: int, earlier_amount: float, dispersion: tuple[float, float] = (1.0, 1.0)
 ) -> Rate:
     """The number expected of an amount (metres, days) after an earlier number of an earlier amount, and the chance of
-    one as far from it. clustering: variance over mean of the number, and of the earlier one."""
+    one as far from it. dispersion: dispersion indices of the number and of the earlier one."""
     if not (earlier_amount > 0.0 and amount > 0.0 and earlier > 0):
         return Rate(np.nan, np.nan)
     scale = amount / earlier_amount
-    ratio = total_ratio(Total(float(number), clustering[0]), Total(earlier * scale, clustering[1] * scale))
+    ratio = total_ratio(Total(float(number), dispersion[0]), Total(earlier * scale, dispersion[1] * scale))
     return Rate(earlier * scale, ratio.p_value)
 
 
@@ -326,13 +329,6 @@ def _amount(face: Face | None, start: np.datetime64, end: np.datetime64) -> dict
     if face is None:
         return {"metres": np.nan, "days": days}
     return {"metres": face.metres(start, end), "days": days * len(times_with_face(face, start, end)) / TIMES_IN_STEP}
-
-
-def _clustering(record: Places, periods: Periods, chosen: NDArray) -> float:
-    """Variance over mean of the number of events in windows of some days of the chosen periods."""
-    if not len(chosen):
-        return 1.0
-    return Exposure(periods.start[chosen], periods.end[chosen]).dispersion_index(record.time)
 
 
 @dataclass(frozen=True)

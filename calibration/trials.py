@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from catalogs.compare.comparison import record_clusters
 from catalogs.compare.exposure import Exposure
 from catalogs.compare.locations import box_around, information_gain, location_errors
 from catalogs.compare.sum_measures import potency_variance_factor
@@ -226,7 +227,8 @@ def read_record(
     """
     step, potency = exposure.step(record["time"].values), record["potency"].values
     used = (step >= 0) & (record["resolved"].values == 1)
-    dispersion_index = exposure.dispersion_index(record["time"].values[used])
+    clusters = record_clusters(record, used, step)
+    dispersion_index = exposure.dispersion_index(record["time"].values[used], clusters[used])
     counted = used & (log_potency(potency) >= cut)
     generator, steps = np.random.default_rng(seed), len(exposure.start)
     logs, variances = np.zeros(steps), np.zeros(steps)

@@ -19,7 +19,6 @@ from scipy.stats import norm
 from catalogs.compare.comparison import record_clusters
 from catalogs.compare.exposure import Exposure, common_period, window
 from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
-from catalogs.compare.sum_measures import cluster_size
 from catalogs.records.times import parse_time
 from catalogs.settings import DatedStep
 from catalogs.sources.completeness import next_edge, rounding
@@ -90,7 +89,7 @@ class RecordedSteps:
         dispersion_index = 1.0
         if used.any():
             clusters = record_clusters(self.record, used, step)
-            dispersion_index = max(exposure.dispersion_index(time[used]), cluster_size(clusters[used]))
+            dispersion_index = exposure.dispersion_index(time[used], clusters[used])
 
         def table(kinds: Sequence[str], least: float) -> NDArray:
             rows = [

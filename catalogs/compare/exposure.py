@@ -74,14 +74,17 @@ class Exposure:
             found.append(np.bincount((time[inside] - start) // DAY, minlength=count))
         return found
 
-    def dispersion_index(self, time: NDArray) -> float:
+    def dispersion_index(self, time: NDArray, clusters: NDArray) -> float:
         """Variance of the number of events over its mean, at least 1, which is that of independent events.
 
-        The largest value over windows of WINDOW_DAYS days, their numbers about the mean of their own step: what a step
-        mines sets its rate, and that is no chance. 1 where no length has a variance that independent events hardly have
-        (CLUSTERING_SIGNIFICANCE, all lengths together), or MIN_WINDOWS of them.
+        time, clusters (event,): times, and clusters of `compare.blocks`. Comparison, rates, calibration and plans all
+        take the index from here. It is the larger of two values, since either may miss clustering. That of clusters is
+        `cluster_size` of the events in the exposure. That of times is the largest over windows of WINDOW_DAYS days,
+        their numbers about the mean of their own step: what a step mines sets its rate, and that is no chance. It is 1
+        where no length has a variance that independent events hardly have (CLUSTERING_SIGNIFICANCE, all lengths
+        together), or MIN_WINDOWS of them.
         """
-        found = [1.0]
+        found = [1.0, cluster_size(clusters[self.step(time) >= 0])]
         for length in WINDOW_DAYS:
             variance, events, windows, freedom = 0.0, 0, 0, 0
             for days in self.counts(time):
@@ -96,6 +99,15 @@ class Exposure:
                 if scipy.stats.chi2.sf(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
                     found.append(ratio)
         return max(found)
+
+
+def cluster_size(clusters: NDArray) -> float:
+    """Variance over mean of the number of events in independent clusters (event,).
+
+    The sum of squares of the clusters' sizes over the number of events; 1 without an event.
+    """
+    sizes = np.unique(clusters, return_counts=True)[1]
+    return float(np.sum(sizes**2) / len(clusters)) if len(clusters) else 1.0
 
 
 def common_period(record: xr.Dataset) -> tuple[str, str] | None:

@@ -55,7 +55,7 @@ FIELDS = (
     _field("event_rate_interval", "interval", "1/d", "95 % interval of the number expected of the record, per day"),
     _field("potency_rate", "catalogue", "m3/d", "potency of the events compared per day of exposure"),
     _field("potency_rate_interval", "interval", "m3/d", "that of its potency, of events up to the largest recorded"),
-    _field("record_clustering", "", "1", "variance of the record's number of events over its mean; 1: independent"),
+    _field("dispersion_index", "", "1", "variance of the record's number of events over its mean; 1: independent"),
     _field("model_runs", "", "1", "runs of the model whose mean the next ratios take", np.int64),
     _field("event_ratio", "", "1", "number of events compared, model over record"),
     _field("event_ratio_interval", "interval", "1", "95 % interval of that of those expected; may be open above"),

@@ -34,7 +34,7 @@ def sum_measures(
     number = [float(len(values)) for values in potency]
     summed = [float(values.sum()) for values in potency]
     whole = [float(np.nansum(events["potency"].values)) for events in both]
-    dispersion_index = max(exposure.dispersion_index(both[1]["time"].values[used[1]]), cluster_size(clusters[used[1]]))
+    dispersion_index = exposure.dispersion_index(both[1]["time"].values[used[1]], clusters[used[1]])
     runs = [potency[0], *(_counted(member, cut, exposure) for member in members)]
     runs = runs if len(runs) >= MIN_RUNS_FOR_VARIANCE else runs[:1]
 
@@ -55,7 +55,7 @@ def sum_measures(
         "potency_rate": ("catalogue", np.array(summed) / days),
         "event_rate_interval": ("interval", intervals[0] / days),
         "potency_rate_interval": ("interval", intervals[1] / days),
-        "record_clustering": ((), dispersion_index),
+        "dispersion_index": ((), dispersion_index),
         "model_runs": ((), np.int64(len(runs))),
         "event_ratio": ((), counted.value),
         "event_ratio_interval": ("interval", counted.interval),
@@ -68,13 +68,6 @@ def sum_measures(
         "potency_ratio_p_value": ((), released.p_value),
     }
     return variables, {"sums_text": _text(potency, runs, intervals[0], counted, dispersion_index, days)}
-
-
-def cluster_size(clusters: NDArray) -> float:
-    """Variance over mean of the number of events in independent clusters (event,): sum of squares of their sizes over
-    the number of events; 1 without an event."""
-    sizes = np.unique(clusters, return_counts=True)[1].astype(float)
-    return float(np.sum(sizes**2) / sizes.sum()) if len(sizes) else 1.0
 
 
 def potency_variance_factor(potency: NDArray, dispersion_index: float) -> float:

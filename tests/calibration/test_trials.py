@@ -46,14 +46,16 @@ def catalogue(sizes: dict[str, list[float]], floor=0.01, before=1.0, resolved=1)
 
 
 def record(days: list[float], sizes: list[float]):
-    """Recorded events at days of 2019-08 and later."""
+    """Recorded events at days of 2019-08 and later, far from each other."""
     time = np.datetime64("2019-08-01", "ns") + (np.array(days) * 86400e9).astype("timedelta64[ns]")
     return xr.Dataset(
         {
             "time": ("event", time),
             "potency": ("event", np.array(sizes, float)),
             "resolved": ("event", np.ones(len(sizes), np.int8)),
-        }
+            "location": (("event", "xyz"), 1e3 * np.arange(3.0 * len(sizes)).reshape(-1, 3)),
+        },
+        attrs={"location_error": 1.0},
     )
 
 

@@ -83,7 +83,7 @@ def test_independent_events_stay_apart_however_their_times_are_rounded(unit):
     assert len(np.unique(labels)) > 950
     start = np.array(["2019-12-25"], "datetime64[ns]")
     exposure = Exposure(start, start + np.timedelta64(60, "D"))
-    assert exposure.dispersion_index(dated(generator.integers(-7, 53, 1000))) == 1.0
+    assert exposure.dispersion_index(dated(generator.integers(-7, 53, 1000)), np.arange(1000)) == 1.0
 
 
 def test_some_dates_without_a_time_among_exact_times_and_local_midnights_are_no_clusters():

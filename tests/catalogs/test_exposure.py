@@ -122,12 +122,23 @@ def test_clusters_widen_the_interval_and_independent_events_hardly_ever():
     7 % (and three standard errors, 4.6) are taken for clustered."""
     generator = np.random.default_rng(4)
     exposure = Exposure.of((DatedStep(name="a", start="2019-08-01", end="2019-10-30"),), None)
-    bursts = [exposure.dispersion_index(days(*np.repeat(generator.uniform(0, 90, 20), 10))) for _ in range(100)]
+    apart = np.arange(200)  # from their times alone: no two events are of one cluster
+    bursts = [exposure.dispersion_index(days(*np.repeat(generator.uniform(0, 90, 20), 10)), apart) for _ in range(100)]
     assert 8 < np.mean(bursts) < 14
-    single = [exposure.dispersion_index(days(*generator.uniform(0, 90, 40))) for _ in range(200)]
+    single = [exposure.dispersion_index(days(*generator.uniform(0, 90, 40)), apart[:40]) for _ in range(200)]
     assert np.mean(np.array(single) > 1) <= 0.07 + 0.046
     low, high = total_interval(np.ones(200), 10.0, 1.0)
     np.testing.assert_allclose([low, high], 10 * total_interval(np.ones(20), largest=1.0))
+
+
+def test_clusters_count_where_the_time_is_too_short_for_windows_and_only_inside_it():
+    """Four bursts of five events in six days leave too few windows. Their clusters say five, without those outside."""
+    exposure = Exposure.of((DatedStep(name="a", start="2019-08-01", end="2019-08-07"),), None)
+    times, clusters = days(*np.repeat([0.5, 2.1, 3.7, 5.2, 40.0], 5)), np.repeat([0, 1, 2, 3, 4], 5)
+    assert exposure.dispersion_index(times, np.arange(25)) == 1.0
+    assert exposure.dispersion_index(times, clusters) == 5.0
+    clusters[20:] = 3
+    assert exposure.dispersion_index(times, clusters) == 5.0
 
 
 def test_both_catalogues_are_cut_to_the_time_they_share_and_the_head_says_so():

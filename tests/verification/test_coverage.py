@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from running import run_study
 
 from verification.answers import coverage
-from verification.answers.coverage import detected_sizes
+from verification.answers.coverage.comparison import detected_sizes
 
 
 def test_the_reduced_study_holds_wider_bounds(tmp_path):

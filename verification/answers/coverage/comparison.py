@@ -1,16 +1,13 @@
 """Coverage of the 95 % intervals of the comparison: of b, of angles between mean axes, of places, of sums and ratios.
 
-Each case draws many catalogues of known truth. Its rows are the share of catalogues with an interval, and the share of
-intervals that hold the truth. For a record and a model of one process they are also the share of false alarms. The
-functions that draw a catalogue of a case return by quantity ("" where there is only one) its interval and the truth.
+The functions that draw a catalogue of a case return its interval and the truth by quantity ("" where there is only
+one).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
@@ -20,125 +17,34 @@ from catalogs.compare.exposure import DAY, Exposure
 from catalogs.compare.locations import compare_locations
 from catalogs.compare.size_measures import fit
 from catalogs.compare.sum_measures import sum_measures
-from catalogs.figures import style
 from catalogs.settings import ComparisonSettings
 from catalogs.sources import completeness
 from catalogs.sources.mechanisms import AxesSample, compare_axes
+from verification.answers.coverage.shares import Coverage, Intervals, alarm_row, cover
 from verification.answers.statistics.samples import LN10, branching_events, burst_events, dated, simulated_sizes
-from verification.comparisons import monte_carlo_error, reaching
-from verification.page_tables import Pivot
-from verification.plots import plot_errors
-from verification.results import Results
 from verification.rows import Row
 
-NUMERICS = ("catalogs",)  # Folders that the results may change with.
 
-TABLES = (
-    Pivot(
-        "Share of catalogues with an interval, and share of intervals that hold the truth",
-        r"(?P<row>.+): (?P<column>coverage of the 95 % interval|share of catalogues with an interval) \(error: .+\)",
-        "measured",
-    ),
-    Pivot(
-        "Share of pairs of one process that are told apart at 5 %",
-        r"(?P<row>.+): (?P<column>\w+) of one process said to differ .+",
-        "measured",
-    ),
-)
-# Lower and upper end of an interval (None where there is none), and the truth, by quantity.
-Intervals = dict[str, tuple[tuple[float, float] | None, float]]
-
-
-@dataclass(frozen=True)
-class Found:
-    """A case: catalogues drawn, share of these with an interval, and share of those that hold the truth."""
-
-    name: str
-    drawn: int
-    given: float
-    held: float
-
-    @property
-    def error(self) -> float:
-        """Monte Carlo standard error of the coverage, were it as large as it should be."""
-        return monte_carlo_error(0.95, max(self.given * self.drawn, 1))
-
-
-def answer(results: Results) -> tuple[list[Row], Figure]:
-    """Two rows for each interval of a case, false alarms in cases of one process, and a figure of all intervals."""
-    settings, allowed = results.settings, results.allowed
-    found, alarms = [], []
+def answer(settings: dict, allowed: dict) -> tuple[list[Coverage], list[Row]]:
+    """Coverages of sizes, axes, sums and of records and models of one process, and false alarms of the last."""
+    coverages, alarms = [], []
     kinds = {"sizes": size_interval, "axes": axes_interval, "sums": sum_intervals}
     for group, (part, draw_intervals) in enumerate(kinds.items()):
         chosen = settings[part]
         for number, case in enumerate(chosen["cases"]):
-            found += cover(draw_intervals, case, chosen, [settings["seed"], group, number])
+            coverages += cover(draw_intervals, case, chosen, [settings["seed"], group, number])
     chosen = settings["one_process"]
     for number, case in enumerate(chosen["cases"]):
         pairs = one_process(case, chosen, [settings["seed"], 3, number])
-        found += [
-            Found(f"{case['name']}: {what}", chosen["catalogues"], pairs.given, share)
+        coverages += [
+            Coverage(f"{case['name']}: {what}", chosen["catalogues"], pairs.given, share)
             for what, share in pairs.held.items()
         ]
         alarms += [
-            _alarm_row(f"{case['name']}: {what}", chosen, share, allowed["alarms"])
+            alarm_row(f"{case['name']}: {what}", chosen, share, allowed["alarms"])
             for what, share in pairs.alarms.items()
         ]
-    return [row for one in found for row in _rows(one, allowed)] + alarms, _draw(found, allowed["coverage"])
-
-
-def cover(
-    draw_intervals: Callable[[dict, dict, np.random.Generator, int], Intervals],
-    case: dict,
-    chosen: dict,
-    seed: list[int],
-) -> list[Found]:
-    """Coverage of each quantity of a case over all its catalogues, which are drawn one by one."""
-    generator, drawn = np.random.default_rng(seed), chosen["catalogues"]
-    counts: dict[str, NDArray] = {}
-    for index in range(drawn):
-        for of, (interval, truth) in draw_intervals(case, chosen, generator, index).items():
-            held = interval is not None and interval[0] <= truth <= interval[1]
-            counts.setdefault(of, np.zeros(2, int))[:] += interval is not None, held
-    return [
-        Found(f"{of}, {case['name']}" if of else case["name"], drawn, float(given / drawn), float(held / max(given, 1)))
-        for of, (given, held) in counts.items()
-    ]
-
-
-def _draw(found: list[Found], least: float) -> Figure:
-    """Coverage case by case, with two Monte Carlo standard errors."""
-    figure = style.new_figure(width=style.PAGE_WIDTH, height=0.22 * len(found) + 1.2)
-    axes = figure.subplots()
-    error = [200 * one.error for one in found]
-    what = "truth inside the 95 % interval (%; bars: 2 Monte Carlo errors; dotted: asked for)"
-    held = {"": [100 * one.held for one in found]}
-    plot_errors(axes, [one.name for one in found], held, error, truth=95, xlabel=what)
-    axes.axvline(100 * least, color=style.RECORDED, linewidth=0.8, linestyle=":")
-    axes.set_xlim(right=100.0)
-    return figure
-
-
-def _alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
-    level = chosen["level"]
-    error = monte_carlo_error(level, chosen["catalogues"])
-    return Row(
-        f"{name} of one process said to differ (p <= {level:g}; error: above {most:g})",
-        level, share, float(np.maximum(0.0, share - most)), 2.0 * error,
-        f"{chosen['catalogues']} pairs, Monte Carlo standard error {error:.4f}",
-    )  # fmt: skip
-
-
-def _rows(one: Found, allowed: dict) -> list[Row]:
-    least, often = allowed["coverage"], allowed["given"]
-    coverage = f"{one.name}: coverage of the 95 % interval (error: short of {least:g})"
-    given = f"{one.name}: share of catalogues with an interval (error: short of {often:g})"
-    remark = f"{one.drawn} catalogues, Monte Carlo standard error {one.error:.4f}"
-    others = "the others: no law, no completeness or no event, in words"
-    return [
-        reaching(coverage, 0.95, one.held, least, remark=remark),
-        reaching(given, 1.0, one.given, often, remark=others),
-    ]
+    return coverages, alarms
 
 
 def detected_sizes(generator: np.random.Generator, case: dict) -> NDArray:

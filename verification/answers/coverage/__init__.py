@@ -1,0 +1,57 @@
+"""Coverage of the 95 % intervals, and false alarms of the verdicts, that the pages of a mine state.
+
+Each case draws many catalogues of known truth. Its rows are the share of catalogues with an interval, and the share of
+intervals that hold the truth. For a record and a model of one process they are also the share of false alarms. Each
+subject is a module with a function `answer`, which takes settings and bounds, and returns coverages and other rows.
+"""
+
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from verification.answers.coverage import comparison
+from verification.answers.coverage.shares import Coverage, coverage_rows
+from verification.page_tables import Pivot
+from verification.plots import plot_errors
+from verification.results import Results
+from verification.rows import Row
+
+NUMERICS = ("catalogs",)  # Folders that the results may change with.
+
+TABLES = (
+    Pivot(
+        "Share of catalogues with an interval, and share of intervals that hold the truth",
+        r"(?P<row>.+): (?P<column>coverage of the 95 % interval|share of catalogues with an interval) \(error: .+\)",
+        "measured",
+    ),
+    Pivot(
+        "Share of pairs of one process that are told apart at 5 %",
+        r"(?P<row>.+): (?P<column>\w+) of one process said to differ .+",
+        "measured",
+    ),
+)
+SUBJECTS = (comparison.answer,)
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Two rows for each interval of a case, false alarms in cases of one process, and a figure of all intervals."""
+    coverages: list[Coverage] = []
+    others: list[Row] = []
+    for subject in SUBJECTS:
+        of_subject, rows = subject(results.settings, results.allowed)
+        coverages += of_subject
+        others += rows
+    rows = [row for one in coverages for row in coverage_rows(one, results.allowed)]
+    return rows + others, _draw(coverages, results.allowed["coverage"])
+
+
+def _draw(found: list[Coverage], least: float) -> Figure:
+    """Coverage case by case, with two Monte Carlo standard errors."""
+    figure = style.new_figure(width=style.PAGE_WIDTH, height=0.22 * len(found) + 1.2)
+    axes = figure.subplots()
+    error = [200 * one.error for one in found]
+    what = "truth inside the 95 % interval (%; bars: 2 Monte Carlo errors; dotted: asked for)"
+    held = {"": [100 * one.held for one in found]}
+    plot_errors(axes, [one.name for one in found], held, error, truth=95, xlabel=what)
+    axes.axvline(100 * least, color=style.RECORDED, linewidth=0.8, linestyle=":")
+    axes.set_xlim(right=100.0)
+    return figure
