@@ -24,10 +24,10 @@ from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from catalogs.sources.completeness import MIN_EVENTS_ABOVE_CUT
 from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
+from catalogs.sources.truncated_law import TruncatedLaw, draw_law
 from plans.record import LAW, Factors, RecordedNumbers, find_factors
 from plans.runs import StepResult
 from plans.settings import OutcomeSlice
-from plans.truncated_law import TruncatedLaw, draw_law
 
 DRAWS = 2000
 SEED = 1  # One for all plans: they share the draws of what they have in common.

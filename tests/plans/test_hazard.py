@@ -9,11 +9,11 @@ from scipy.stats import kstest, nbinom, poisson
 
 from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import LN10, estimate_b
+from catalogs.sources.truncated_law import TruncatedLaw, draw_law
 from plans.hazard import _law as law_of
 from plans.hazard import chance_of, chances, dispersion_index, draw_expected, draw_numbers, independent_share
 from plans.record import STEP_SCATTER, Factors, RecordedNumbers, draw_ratio, find_factors, step_ratios
 from plans.runs import StepResult
-from plans.truncated_law import TruncatedLaw, draw_law
 from verification.answers.statistics.samples import simulated_sizes
 
 ONE = np.ones(1)
@@ -54,7 +54,7 @@ def test_many_sizes_are_as_if_each_were_drawn(monkeypatch):
     """Fifty events, of which ten are drawn one by one: mean of the sum, distribution of the largest."""
     law, number = exact_law(1.0, 1.5, 4000), np.full(4000, 50)
     known = law.sizes(number, np.random.default_rng(2))
-    monkeypatch.setattr("plans.truncated_law.MAX_DRAWN", 10)
+    monkeypatch.setattr("catalogs.sources.truncated_law.MAX_DRAWN", 10)
     total, largest = law.sizes(number, np.random.default_rng(1))
     assert total.mean() == pytest.approx(known[0].mean(), rel=0.03)
     assert kstest(largest, lambda x: (1.0 - law.share_above(x)[:, 0]) ** 50).pvalue > 1e-3
