@@ -11,8 +11,9 @@ the longest time that the rounding allows; otherwise events of one hour, or of o
 
 A low level splits clusters, whose late events lie among other events; a high one joins separate clusters. Split blocks
 hide variance, and joined blocks only make it less well known. So the level is that at which the mean location has the
-largest jackknife variance. A record with no more links at the lowest level than chance makes has no clusters: each of
-its events is a block.
+largest jackknife variance, of those that leave MIN_BLOCKS. A record with no more links at the lowest level than chance
+makes has no clusters: each of its events is a block. If the lowest level leaves fewer than MIN_BLOCKS, its blocks are
+the clusters.
 """
 
 import numpy as np
@@ -76,7 +77,8 @@ def _repeats(values: NDArray) -> NDArray:
 
 
 def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, error: float) -> NDArray:
-    """Labels of the level with the largest variance of the mean location, of those that leave enough blocks."""
+    """Labels of the level with the largest variance of the mean location, of those that leave enough blocks; those of
+    the lowest level if none does."""
     labels, chosen, largest = np.arange(len(days)), np.arange(len(days)), -1.0
     among = np.linspace(0, len(days) - 1, min(len(days), MAX_REFERENCE_EVENTS)).astype(int)
     around = [_around(location, event, among, error) for event in range(1, len(days))]
@@ -89,7 +91,7 @@ def _widest(days: NDArray, open_by: NDArray, location: NDArray, step: NDArray, e
         ):
             break
         if effective_blocks(np.bincount(labels)) < MIN_BLOCKS:
-            break
+            return labels if level == LINK_CHANCES[0] else chosen
         variance = _mean_variance(location, labels, step)
         if variance > largest:
             chosen, largest = labels, variance

@@ -37,6 +37,16 @@ def test_bursts_are_found_whatever_days_they_fall_on():
     np.testing.assert_array_equal(labels, burst)
 
 
+@pytest.mark.parametrize("sizes", [[20, 20], [30, 6, 4], [40, 3]])
+def test_few_bursts_are_not_taken_for_independent_events(sizes):
+    """Two bursts, or three of which one holds most events, are fewer than an interval needs, and they are found."""
+    generator = np.random.default_rng(6)
+    burst = np.repeat(np.arange(len(sizes)), sizes)
+    days = np.sort(10.0 + 25.0 * burst + generator.uniform(0, 0.04, len(burst)))
+    location = 100 * generator.normal(size=(len(sizes), 3))[burst] + 5 * generator.normal(size=(len(burst), 3))
+    np.testing.assert_array_equal(clusters_of((days, location, None)), burst)
+
+
 @pytest.mark.parametrize("branching", [0.5, 0.7])
 def test_blocks_of_triggered_events_are_worth_about_what_their_clusters_are(branching):
     """Delays to 40 days, 90 days of record. More than twice as many blocks as clusters are worth would hide the
