@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from common.quantities import QUANTITY_PATTERN
-from common.setting_types import KEY_PATTERN, AsTuple, Settings, Unit, real_number, refusal, whole_number
+from common.setting_types import KEY_PATTERN, AsTuple, Settings, Unit, choose, real_number, refusal, whole_number
 
 Terms = Literal["potency", "number", "places", "sizes"]
 EVENT_SECTION = "seismic."  # Keys that begin so change events, and not the rock: no run is needed for other values.
@@ -44,13 +44,16 @@ def cohesion_of(strength: float, confinement: float, friction: float) -> float:
     return (strength - alone) / strength_under(0.0, 1.0, friction)
 
 
+RangeEnd = choose(lambda value: isinstance(value, str), str, float)
+
+
 class CalibratedQuantity(Settings):
     """A quantity of the mine file that trials change within a range. Its prior is uniform."""
 
     key: Annotated[str, Field(pattern=KEY_PATTERN)]
     """Key of the quantity, from the top of the mine file: materials.host.cohesion.residual. An entry of a list is
     called by its name: rock_bodies.dyke.material."""
-    range: Annotated[tuple[str | float, ...], Field(min_length=2, max_length=2), AsTuple]
+    range: Annotated[tuple[RangeEnd, ...], Field(min_length=2, max_length=2), AsTuple]
     """Smallest and largest value, both in the same unit."""
     confinement: Annotated[float, Unit("Pa", ge=0, le=1e10)] = None
     """With a cohesion only: the range is that of the largest principal stress (compression) at failure under this

@@ -17,6 +17,7 @@ from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Self, Union
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -222,6 +223,13 @@ def _plain_list(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
+def _without_repeats(values: tuple) -> tuple:
+    for number, value in enumerate(values):
+        if value in values[:number]:
+            raise refusal(f"{short(value)} stands twice; leave one out", number)
+    return values
+
+
 def whole_number(**bounds: Any) -> Any:
     """The type of an integer within bounds, as pydantic has them (ge, le); 4.0 is one to JSON."""
     return Annotated[int, Field(**bounds), BeforeValidator(whole)]
@@ -280,6 +288,8 @@ Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 Date = Annotated[str, Field(pattern=DATE_PATTERN)]
 AsTuple = BeforeValidator(_plain_list)
 """JSON knows no tuples"""
+EachOnce = AfterValidator(_without_repeats)
+"""of a list in which a repeated entry has no meaning"""
 # Bounds that are not physics keep slips of the keyboard out (radius 1e300): no mine or specimen comes near them.
 Length = Annotated[float, Unit("m", ge=-1e8, le=1e8)]
 Size = Annotated[float, Unit("m", ge=1e-6, le=1e8)]
@@ -290,14 +300,14 @@ def short(value) -> str:
     """A value as an error message shows it."""
     if isinstance(value, int) and abs(value) > MAX_INTEGER:
         return "an integer of 20 digits or more"  # of thousands of digits Python makes no text
-    text = repr(value)
+    text = repr(list(value) if isinstance(value, tuple) else value)  # a user writes lists
     return text if len(text) <= MAX_LENGTH_SHOWN else f"{text[:MAX_LENGTH_SHOWN]}..."
 
 
 def key_of(path) -> str:
     """A place in a configuration as a message names it: excavations[2].lower."""
     return "".join(
-        f"[{part}]" if isinstance(part, int) else f".{str(part)[:MAX_LENGTH_SHOWN]}" for part in path
+        f"[{part}]" if isinstance(part, int) else f".{str(part)[:MAX_LENGTH_SHOWN]}" for part in path if part != ""
     ).lstrip(".")
 
 
@@ -316,10 +326,15 @@ TYPES = {
 def mistake_lines(error: ValidationError, where: str = "") -> list[str]:
     """A configuration's mistakes, a line each: the key and what was expected."""
     lines = []
-    for found in error.errors(include_url=False):
+    for found in filter(_is_true, error.errors(include_url=False)):
         key, reason = key_of([*([where] if where else []), *_path_of(found)]), _reason(found)
         lines.append(f"{key}: {reason}" if key else reason)
     return list(dict.fromkeys(lines))
+
+
+def _is_true(found: Mapping) -> bool:
+    """False for a list or section that pydantic calls too short because it does not count entries with mistakes."""
+    return found["type"] != "too_short" or len(found["input"]) < found["ctx"]["min_length"]
 
 
 def _reason(found: Mapping) -> str:
@@ -333,6 +348,10 @@ def _reason(found: Mapping) -> str:
         return f"{value} is not one of {context['expected'].replace(chr(39), '').replace(' or ', ', ')}"
     if kind == "string_pattern_mismatch":
         return f"{value} does not match: expected {EXPECTED[context['pattern']]}"
+    if kind == "string_too_short":
+        return f"{value} is an empty text"
+    if kind == "string_too_long":
+        return f"{value} has {len(found['input'])} characters; give at most {context['max_length']}"
     if kind in ("too_short", "too_long"):
         least = context.get("min_length")
         if least == 1:

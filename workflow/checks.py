@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -40,6 +41,7 @@ RESERVED = (
 )  # folders of results
 MIN_HOURGLASS_STIFFNESS = 0.001  # a smaller one takes many more iterations; without any there is no answer
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]\d+)?")
 MAX_COARSE_CELLS = 10**9  # the finer ones come on top
 
 
@@ -85,6 +87,31 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "solver", "accuracy")
     check(_check_compression, "insitu_stress", "domain", "frame", "plane")
     check(_check_virgin, *MineSettings.model_fields)
+    mistakes.lines = _under_written_keys(mine, mistakes.lines)
+
+
+def _under_written_keys(mine: Mine, lines: Sequence[str]) -> list[str]:
+    """The lines, with those about excavations and steps that excavations_from makes under its key.
+
+    Lines that then differ in the name of the excavation alone become the first of them, which says how many there are.
+    """
+    made = {
+        "excavations": {entry.name for entry in mine.excavations[len(mine.settings.excavations) :]},
+        "steps": {step.name for step in mine.listed_steps if mine.settings.excavations_from},
+    }
+    found: dict[str, list[str]] = {}  # by the line without the name and without numbers, as those of a place
+    for line in dict.fromkeys(lines):
+        section, *rest = parts_of(key_in(line))
+        reason = line.partition(": ")[2]
+        if not rest or rest[0] not in made.get(str(section), ()):
+            found[line] = [line]
+        elif rest[1:] == ["fill"]:
+            found.setdefault(f"excavations_from.fill: {reason}", [f"excavations_from.fill: {reason}"])
+        else:
+            name = str(rest[0])
+            pattern = NUMBER.sub("", reason.replace(name, ""))
+            found.setdefault(pattern, []).append(f"excavations_from: {name}: {reason}")
+    return [f"{same[0]} (and {len(same) - 1} more like it)" if len(same) > 1 else same[0] for same in found.values()]
 
 
 def _check_name(mine: Mine, _: Mistakes) -> None:
@@ -189,13 +216,17 @@ def _check_face(mine: Mine, _: Mistakes) -> None:
 
 def _check_forecasts(mine: Mine, mistakes: Mistakes) -> None:
     """Kept forecasts that are there, of a mine whose record can score them."""
-    forecasts = mine.settings.forecasts
+    forecasts, seen = mine.settings.forecasts, set[str]()
     if forecasts and (mine.settings.record is None or not mine.dated_steps):
         raise InputError("forecasts: there is no record to score them by; give one, or leave them out")
     for number, name in enumerate(forecasts):
         with mistakes.gather():
             if not mine.path(name).is_file():
                 raise InputError(f"forecasts.{number}: {mine.path(name)}: no such file")
+            place = mine.path(name).resolve().as_posix()
+            if place in seen:
+                raise InputError(f"forecasts.{number}: {name} stands twice; leave one out")
+            seen.add(place)
 
 
 def _solids(mine: Mine) -> Iterator[tuple[str, ShapeSettings]]:
@@ -254,13 +285,18 @@ def _check_references(mine: Mine, mistakes: Mistakes) -> None:
         "strains": settings.strains,
     }
     for section, entries in sections.items():
-        seen = set()
+        seen, in_small_letters = set[str](), set[str]()
         for entry in entries:
             where = f"{section}.{entry.name}"
             with mistakes.gather():
                 if entry.name in seen:
                     raise InputError(f"{where}: this name stands twice")
+                if entry.name.lower() in in_small_letters:
+                    raise InputError(
+                        f"{where}: differs in capitals alone from another of the {section}; give it another name"
+                    )
             seen.add(entry.name)
+            in_small_letters.add(entry.name.lower())
             with mistakes.gather():
                 if isinstance(entry, Excavation) and entry.name == ANY:
                     raise InputError(f"{where}: '{ANY}' means all openings in results; give it another name")

@@ -191,10 +191,15 @@ class MiningPlan(Settings):
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        if self.file is None and self.excavations is None and self.steps is None:
+        changes = [change for change in (self.excavations or {}).values() if change.model_fields_set]
+        if self.file is None and not changes and not self.steps:
             raise refusal("changes nothing; give excavations, steps, or the file of another mine file")
         if self.file is not None and len(self.model_fields_set) > 1:
             raise refusal("stands beside changes; write them into that file", "file")
+        names = [step.name.lower() for step in self.steps or ()]
+        for number, step in enumerate(self.steps or ()):
+            if step.name.lower() in names[:number]:
+                raise refusal(f"{step.name} stands twice; steps need names of their own", "steps", number, "name")
         return self
 
 

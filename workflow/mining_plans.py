@@ -18,7 +18,9 @@ from workflow.mine import Mine
 from workflow.mine_settings import MINE_FILE_PLAN, MiningPlan
 from workflow.strict_yaml import read_yaml
 
-OTHER_SECTIONS = ("plans", "calibration")  # of a mine file that a plan has not
+# Sections of a mine file that no plan uses: the record and all that is compared with it, and what the mine's own
+# file says of plans.
+OTHER_SECTIONS = ("plans", "calibration", "baselines", "record", "comparison", "face", "forecasts", "hazard")
 
 
 class MiningPlans:

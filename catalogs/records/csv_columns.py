@@ -9,7 +9,7 @@ from catalogs.records.build import SIZE_NAMES
 from catalogs.records.filters import EVENT_TYPE, STATUS
 from catalogs.records.settings import normalized
 from catalogs.records.times import DATE_PARTS
-from common.setting_types import AsTuple, Settings, choose, is_list, refusal
+from common.setting_types import AsTuple, EachOnce, Settings, choose, is_list, refusal
 from common.voigt import COMPONENTS
 
 SIZE_COLUMNS = (*SIZE_NAMES, "log_moment", "energy", "log_energy")
@@ -31,7 +31,7 @@ class ColumnSettings(Settings):
     """Names of the columns of a CSV file, by what they hold. The units are those given here, unless the file or
     record.units states others."""
 
-    time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple], str) = None
+    time: choose(is_list, Annotated[tuple[str, ...], Field(min_length=1, max_length=3), AsTuple, EachOnce], str) = None
     """Column of the time, or a list of up to three columns: date, time of day, offset from UTC. If it holds numbers,
     record.time_format gives their meaning."""
     year: str = None

@@ -6,10 +6,21 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from common.frame import Frame
-from common.setting_types import AsTuple, Length, Settings, Unit, choose, is_list, is_section, real_number, refusal
+from common.setting_types import (
+    AsTuple,
+    EachOnce,
+    Length,
+    Settings,
+    Unit,
+    choose,
+    is_list,
+    is_section,
+    real_number,
+    refusal,
+)
 
 Numbers = dict[str, real_number()]  # by column of the file
-Text = choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple], str)
+Text = choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple, EachOnce], str)
 Words = dict[str, Text]
 Box = Annotated[tuple[Length, ...], Field(min_length=2, max_length=3), AsTuple]
 LocationError = Annotated[float, Unit("m", ge=0, le=1e8)]

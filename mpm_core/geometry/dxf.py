@@ -7,6 +7,7 @@ import functools
 import logging
 import math
 from collections import Counter
+from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
 from common.errors import InputError
-from mpm_core.geometry.meshes import ALL_NAMES, Mesh, Part, triangles
+from mpm_core.geometry.meshes import ALL_NAMES, Mesh, Part, shown, triangles
 
 # $INSUNITS: metres of each unit that a mine could be drawn in
 METRES_PER_DXF_UNIT = {
@@ -33,6 +34,8 @@ ACIS_ENTITIES = {
 }  # fmt: skip
 FLAT_ENTITIES = {"SOLID", "TRACE", "HATCH"}
 OUTLINE_ENTITIES = ("LWPOLYLINE", "POLYLINE")
+FACES, OUTLINES = "faces", "outlines"  # sorts of entities that solids and prisms are read from
+PRISM_REMEDY = "give shape: prism with lower and upper to extrude them, or draw the solid's faces"
 MAX_INSERTED_ENTITIES = 300_000  # Entities to which a drawing's blocks may unfold.
 MAX_CHORD_ERROR = 1e-3  # Largest distance of an arc from its chords, as a share of the outline's size.
 
@@ -46,7 +49,6 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
     entities, unit, hidden = _open(path)
     faces: dict[str, list[Mesh]] = {}
     others: Counter[str] = Counter()
-    outlines = 0
     smoothed: Counter[str] = Counter()
     for kind, on_layer, entity in entities:
         found: tuple[Any, list] | None = None
@@ -61,8 +63,6 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
         elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
             builder = MeshBuilder.from_polyface(entity)
             found = builder.vertices, builder.faces
-        elif kind in OUTLINE_ENTITIES:
-            outlines += is_picked and _is_closed(entity)
         elif kind in ACIS_ENTITIES | FLAT_ENTITIES:
             others[kind] += is_picked
         if found is not None:
@@ -70,9 +70,9 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
             if is_picked:
                 on_it.append((np.array([tuple(v) for v in found[0]], dtype=np.float64), triangles(found[1])))
     others = +others
-    if not faces:
-        _refuse(others, outlines)
-    elif others:
+    if not _picks_any(layer, faces):
+        raise _without_faces(layer, _contents(entities))
+    if others:
         left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
         logging.warning("%s: also holds %s, of which no faces are read: left out", path, left_out)
     faces = _without_hidden(path, faces, layer, hidden)
@@ -106,17 +106,63 @@ def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidde
     return left
 
 
-def _refuse(others: Counter[str], outlines: int) -> None:
-    """Say what the drawing holds instead of faces."""
+def _picks_any(layer: str | None, layers: Iterable[str]) -> bool:
+    """True if `layer` fits one of these layers, or if none is named and there is one."""
+    return any(layer is None or name == layer or fnmatchcase(name, layer) for name in layers)
+
+
+def _contents(entities: Sequence[tuple[str, str, Any]]) -> dict[str, Counter[str]]:
+    """By layer, how many entities it holds of each sort: FACES, OUTLINES, and the kinds of which nothing is read."""
+    found: dict[str, Counter[str]] = {}
+    for kind, layer, entity in entities:
+        is_mesh = getattr(entity, "is_poly_face_mesh", False) or getattr(entity, "is_polygon_mesh", False)
+        if kind in ("3DFACE", "MESH") or (kind == "POLYLINE" and is_mesh):
+            sort = FACES
+        elif kind in OUTLINE_ENTITIES and _is_closed(entity):
+            sort = OUTLINES
+        else:
+            sort = kind
+        found.setdefault(layer, Counter())[sort] += 1
+    return found
+
+
+def _no_such_layer(layer: str, contents: dict[str, Counter[str]]) -> str:
+    """The reason that a layer picks nothing: the layers that there are, those with solids or outlines first."""
+    kinds = {name: [sort for sort in (FACES, OUTLINES) if here[sort]] for name, here in contents.items()}
+    named = [
+        f"{name} ({' and '.join(sorts) or 'neither faces nor outlines'})"
+        for name, sorts in sorted(kinds.items(), key=lambda one: not one[1])
+    ]
+    return f"layer {layer!r} is not one of {shown(named)}"
+
+
+def _without_faces(layer: str | None, contents: dict[str, Counter[str]]) -> InputError:
+    """The reason that a drawing, or a layer of it, gives no solid, and the remedy."""
+    if layer is not None and contents and not _picks_any(layer, contents):
+        has_faces = any(here[FACES] for here in contents.values())
+        has_outlines = any(here[OUTLINES] for here in contents.values())
+        hint = "" if has_faces or not has_outlines else f"; {PRISM_REMEDY}"
+        return InputError(_no_such_layer(layer, contents) + hint)
+    here = sum((counts for name, counts in contents.items() if _picks_any(layer, [name])), Counter[str]())
+    start = "" if layer is None or len(contents) < 2 else f"layer {layer!r} "
     for kinds, what in ((ACIS_ENTITIES, "ACIS bodies"), (FLAT_ENTITIES, "flat faces that bound no volume")):
-        here = {kind: others[kind] for kind in sorted(kinds) if others[kind]}
-        if here:
-            named = ", ".join(f"{count} {kind}" for kind, count in here.items())
-            raise InputError(f"holds {what} ({named}), no mesh: export it as 3DFACE, polyface or MESH, or as STL")
-    if outlines:
-        raise InputError(
-            f"holds {outlines} closed polylines but no faces: extrude them, or use shape prism with this file"
-        )
+        if named := ", ".join(f"{here[kind]} {kind}" for kind in sorted(kinds) if here[kind]):
+            remedy = "export it as 3DFACE, polyface or MESH, or as STL"
+            return InputError(f"{start}holds {what} ({named}), no mesh: {remedy}")
+    if here[OUTLINES]:
+        return InputError(f"{start}holds {here[OUTLINES]} closed polylines but no faces: {PRISM_REMEDY}")
+    return InputError(f"{start}holds no triangulated surface: export the solid as one")
+
+
+def _without_outlines(layer: str | None, contents: dict[str, Counter[str]]) -> InputError:
+    """The reason that a drawing, or a layer of it, gives a prism no outline, and the remedy."""
+    if layer is not None and contents and not _picks_any(layer, contents):
+        return InputError(_no_such_layer(layer, contents))
+    has_faces = any(counts[FACES] for name, counts in contents.items() if _picks_any(layer, [name]))
+    start = "" if layer is None or len(contents) < 2 else f"layer {layer!r} "
+    if has_faces:
+        return InputError(f"{start}holds faces but no closed polyline: leave out shape: prism, and they are the solid")
+    return InputError(f"{start}holds no closed polyline: close the outline, or give the prism its polygon")
 
 
 def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndarray]], float | None]:
@@ -134,8 +180,8 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
             size = np.ptp(corners, axis=0).max(initial=0.0)
             points = np.array([tuple(point) for point in line.flattening(max(MAX_CHORD_ERROR * size, 1e-9))])
             outlines.setdefault(on_layer, []).append(points[:-1])
-    if not outlines:
-        raise InputError("holds no closed polyline: close the outline, or give the prism its polygon")
+    if not _picks_any(layer, outlines):
+        raise _without_outlines(layer, _contents(entities))
     return _without_hidden(path, outlines, layer, hidden), unit
 
 

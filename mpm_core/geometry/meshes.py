@@ -4,6 +4,7 @@ A file may hold several bodies: layers of a drawing, elements of a project, obje
 """
 
 import logging
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TypeVar
@@ -28,16 +29,17 @@ def choose(parts: dict[str, list[Part]], named: str | None, what: str) -> list[P
     if not parts:
         raise InputError("holds no triangulated surface: export the solid as one")
     if named is None and len(parts) > 1:
-        raise InputError(f'has {len(parts)} {what}s: name one by `{what}`, or "{ALL_NAMES}" for all: {_shown(parts)}')
+        raise InputError(f'has {len(parts)} {what}s: name one by `{what}`, or "{ALL_NAMES}" for all: {shown(parts)}')
     if named in parts:
         return parts[named]
     found = [part for name, some in parts.items() if named is None or fnmatchcase(name, named) for part in some]
     if not found:
-        raise InputError(f"{what} {named!r} is not one of {_shown(parts)}")
+        raise InputError(f"{what} {named!r} is not one of {shown(parts)}")
     return found
 
 
-def _shown(names) -> str:
+def shown(names: Iterable[str]) -> str:
+    """The first of these names, and how many more there are."""
     names = list(names)
     more = f" and {len(names) - MAX_NAMES_SHOWN} more" if len(names) > MAX_NAMES_SHOWN else ""
     return ", ".join(names[:MAX_NAMES_SHOWN]) + more

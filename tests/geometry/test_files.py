@@ -9,6 +9,7 @@ from ezdxf.render import MeshBuilder
 
 from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, read_solid
+from mpm_core.geometry.solid_files import Picked, read_outlines
 
 OFFSET = np.array([512000.0, 4096000.0, -250.0])
 BOX = build_shape({"name": "b", "shape": "box", "lower": [0, 0, 0], "upper": [8, 4, 2]}, 3)
@@ -111,7 +112,7 @@ def test_dxf_of_several_layers_needs_a_choice(tmp_path):
     write_dxf(path, {"S1": BOX, "S2": other}, "3DFACE")
     with pytest.raises(InputError, match=r"stopes\.dxf: stope: has 2 layers: name one by `layer`.*S1, S2"):
         read_solid(path, "stope")
-    with pytest.raises(InputError, match="layer 'S3' is not one of S1, S2"):
+    with pytest.raises(InputError, match=r"layer 'S3' is not one of S1 \(faces\), S2 \(faces\)$"):
         read_solid(path, "stope", layer="S3")
     assert_same(read_solid(path, "stope", layer="S1"))
     assert read_solid(path, "stope", layer="*").volume == pytest.approx(128)
@@ -121,8 +122,29 @@ def test_dxf_outline_is_not_a_solid(tmp_path):
     document = ezdxf.new()
     document.modelspace().add_lwpolyline([(0, 0), (5, 0), (5, 5)], close=True)
     document.saveas(tmp_path / "stope.dxf")
-    with pytest.raises(InputError, match=r"stope\.dxf: stope: holds 1 closed polylines but no faces: extrude"):
+    with pytest.raises(
+        InputError, match=r"stope\.dxf: stope: holds 1 closed polylines but no faces: give shape: prism"
+    ):
         read_solid(tmp_path / "stope.dxf", "stope")
+
+
+def test_a_layer_that_a_drawing_lacks_is_told_with_those_that_it_has(tmp_path):
+    """Also where the drawing has outlines alone: then a prism is what reads it."""
+    document = ezdxf.new()
+    document.layers.add("EMPTY")
+    for layer in ("LEVEL_1", "LEVEL_2"):
+        document.modelspace().add_lwpolyline([(0, 0), (5, 0), (5, 5)], close=True, dxfattribs={"layer": layer})
+    document.modelspace().add_line((0, 0), (5, 5), dxfattribs={"layer": "GRID"})
+    document.saveas(tmp_path / "levels.dxf")
+    layers = (
+        r"layer 'STOPES' is not one of LEVEL_1 \(outlines\), LEVEL_2 \(outlines\), GRID \(neither faces nor outlines\)"
+    )
+    with pytest.raises(InputError, match=rf"levels\.dxf: stope: {layers}; give shape: prism"):
+        read_solid(tmp_path / "levels.dxf", "stope", layer="STOPES")
+    with pytest.raises(InputError, match=rf"levels\.dxf: stope: {layers}$"):
+        read_outlines(tmp_path / "levels.dxf", "stope", Picked(layer="STOPES"))
+    with pytest.raises(InputError, match="layer 'GRID' holds no closed polyline"):
+        read_outlines(tmp_path / "levels.dxf", "stope", Picked(layer="GRID"))
 
 
 def test_omf_round_trip_adds_both_origins(tmp_path):

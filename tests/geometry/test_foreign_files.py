@@ -294,7 +294,9 @@ def test_arcs_of_an_outline_are_chords(tmp_path):
 
 def test_a_prism_of_a_drawing_without_one_outline_is_refused(tmp_path):
     path = drawing(tmp_path / "a.dxf", add_box)
-    with pytest.raises(InputError, match=r"excavations\.stope: .*a\.dxf: stope: holds no closed polyline"):
+    with pytest.raises(
+        InputError, match=r"excavations\.stope: .*a\.dxf: stope: holds faces but no closed polyline: leave out"
+    ):
         solid_of({"shape": "prism", "file": str(path), "height": 10.0})
     with pytest.raises(InputError, match="reads its outline from a DXF polyline"):
         solid_of({"shape": "prism", "file": "b.obj", "height": 10.0})

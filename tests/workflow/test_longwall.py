@@ -8,6 +8,7 @@ import pytest
 from areas import polygon_area
 from hypothesis import given
 from hypothesis import strategies as st
+from tiny_mines import TINY
 
 from common.errors import InputError
 from workflow.mines.longwall import HISTORY, Panel, advances, seconds, slices_of
@@ -114,3 +115,32 @@ def test_slices_tile_the_period_and_their_prisms_what_is_mined(period, by):
 def test_a_period_without_faces_or_advance_is_refused(period, line):
     with pytest.raises(InputError, match=line):
         slices_of(PANELS, *map(day, period), "month")
+
+
+FACES = """local_date,headgate_x,headgate_y,tailgate_x,tailgate_y,panel
+2010-01-01,10,20,10,60,{panel}
+2010-02-01,30,20,30,60,{panel}
+2010-03-01,50,20,50,60,{panel}
+2010-04-01,70,20,70,60,{panel}
+"""
+
+
+@pytest.mark.parametrize(
+    ("values", "panel_name", "line"),
+    [
+        ({"fill": "paste"}, "1", "excavations_from.fill: 'paste' is not one of the materials host, fill, none"),
+        ({"fill": "host"}, "1", "excavations_from.fill: 'host' is coulomb; only elastic fill"),
+        ({"floor": "900 m"}, "1", "excavations_from: panel_1_2010-01-01: lies, as all others do, outside the domain"),
+        ({}, "panel one", "excavations_from: panel_panel one_2010-01-01.name: 'panel_panel one_2010-01-01' does not"),
+    ],
+)
+def test_a_mistake_is_told_once_under_the_key_that_was_written(refuse, tmp_path, values, panel_name, line):
+    """Not for each of the prisms, of which the file has none."""
+    data = tmp_path / "data"
+    (data / "ims_events").mkdir(parents=True)
+    (data / "ims_events/a.parquet").touch()
+    (data / "face_positions.csv").write_text(FACES.format(panel=panel_name))
+    mine = {key: value for key, value in TINY.items() if key not in ("steps", "excavations", "record")}
+    made = {"source": "elk_creek", "folder": "data", "start": "2010-02-01", "end": "2010-04-01"}
+    made |= {"gob_height": "20 m", "floor": "30 m", "fill": "fill"}
+    assert refuse(mine, excavations_from=made | values).startswith(line)

@@ -129,6 +129,25 @@ def test_a_plan_may_be_another_file(folders, tmp_path):
     assert set(homes(found, "tiny/plans/file").values()) == {"tiny"}
 
 
+@pytest.mark.parametrize("kind", ["changes", "file"])
+def test_what_no_plan_uses_refuses_none(folders, tmp_path, kind):
+    """A face, a filter of the record and a forecast that fit the dates of the mine file, not those of the plan."""
+    later = {"name": "2019-08", "start": "2020-08-01", "end": "2020-09-01"}
+    positions = [
+        {"date": "2019-07-01", "ends": [["10 m", "30 m"], ["10 m", "70 m"]]},
+        {"date": "2019-10-01", "ends": [["60 m", "30 m"], ["60 m", "70 m"]]},
+    ]
+    plan = {"steps": [later]}
+    if kind == "file":
+        other = changed(TINY, face={"positions": positions}, steps=[{"name": "history"}, later])
+        write_mine(changed(other, **{"record.file": "missing.csv"}), tmp_path / "deeper/other.yaml")
+        plan = {"file": "deeper/other.yaml"}
+    found = folders({"p": plan}, face={"positions": positions})
+    assert found.mine.settings.face
+    assert found.mine_at("tiny/plans/p").settings.face is None
+    assert found.mine_at("tiny/plans/p").listed_steps[1].start == "2020-08-01"
+
+
 def outcomes(folders: Folders, tmp_path) -> PlanOutcomes:
     return PlanOutcomes(ResultFiles(folders), tmp_path / "mine.yaml")
 

@@ -23,6 +23,9 @@ BOW_TIE = [["20 m", "30 m"], ["40 m", "40 m"], ["40 m", "30 m"], ["20 m", "40 m"
 QUAKEML = {"reader": "quakeml", "file": "record.csv", "location_error": "5 m"}
 ELK_CREEK = QUAKEML | {"reader": "elk_creek"}
 BALL = {"name": "stope_1", "step": "2019-08", "shape": "sphere", "center": ["40 m", "40 m", "40 m"]}
+QUANTITY = {"key": "materials.host.cohesion.residual", "range": ["0.2 MPa", "0.9 MPa"], "source": "test"}
+UNORDERED = QUANTITY | {"range": ["0.9 MPa", "0.2 MPa"]}
+STANDING = {"date": "2019-08-01", "ends": ["30 m", "30 m"]}
 FAULTS = [  # Key that is set, its value, how the line begins, what else it says.
     ("grid.levles", 3, "grid.levles: unknown key", "did you mean levels?"),
     ("seismic.cluster.radius", 2, "seismic.cluster.radius: unknown key", "radius_cells"),
@@ -210,4 +213,25 @@ FAULTS = [  # Key that is set, its value, how the line begins, what else it says
     ("ensemble", True, "ensemble: ", "not of type 'integer'"),
     ("ensemble", "8", "ensemble: ", "not of type 'integer'"),
     ("solver.scheme", "implicit", "solver.scheme: ", "not one of"),
+    # a mistake in an entry is no mistake of the list around it
+    ("calibration", {"quantities": [UNORDERED]}, "calibration.quantities[0].range: ", "give the smaller value first"),
+    ("calibration", {"quantities": [QUANTITY], "terms": ["place"]}, "calibration.terms[0]: ", "potency, number"),
+    ("calibration", {"quantities": [QUANTITY | {"range": [1, True]}]}, "calibration.quantities[0].range[1]: ", "True"),
+    ("hazard.distances", ["5"], "hazard.distances[0]: ", "no unit"),
+    ("domain.lower", ["x", "0 m", "0 m"], "domain.lower[0]: ", "not a number with a unit"),
+    ("face", {"positions": [STANDING | {"date": "x"}]}, "face.positions[0].date: 'x' does not match", "2019-08-31"),
+    ("record.columns.time", [1], "record.columns.time[0]: 1 is a number to YAML", ""),
+    ("record.columns.time", [], "record.columns.time: [] should be non-empty", ""),
+    # texts that are too long or empty
+    ("hazard.magnitudes", {41 * "a": 1.0}, f"hazard.magnitudes.{41 * 'a'}: ", "has 41 characters; give at most 40"),
+    ("hazard.likelihoods", {"": 0.0}, "hazard.likelihoods: '' is an empty text", ""),
+    # what stands twice
+    ("plans", {"p": {"steps": [NEXT_STEP, NEXT_STEP]}}, "plans.p.steps[1].name: 2019-09 stands twice", ""),
+    ("plans", {"p": {"steps": [NEXT_STEP | {"name": name} for name in "aA"]}}, "plans.p.steps[1].name: ", "twice"),
+    ("plans", {"p": {"steps": []}}, "plans.p: changes nothing", ""),
+    ("plans", {"p": {"excavations": {"stope_2": {}}}}, "plans.p: changes nothing", ""),
+    ("excavations.2.name", "STOPE_1", "excavations.STOPE_1: differs in capitals alone", "another name"),
+    ("forecasts", ["record.csv", "./record.csv"], "forecasts.1: ./record.csv stands twice", ""),
+    ("record.columns.time", ["date", "date"], "record.columns.time[1]: 'date' stands twice", ""),
+    ("record.filter.only", {"status": ["a", "a"]}, "record.filter.only.status[1]: 'a' stands twice", ""),
 ]

@@ -1,27 +1,28 @@
 """From plastic strain to the synthetic catalogue, beside the recorded one."""
 
+if FILES.has_record:
 
-rule record:
-    """The recorded catalogue, read and filtered.
+    rule record:
+        """The recorded catalogue, read and filtered.
 
-    Before the grid and what is solved on it: one that cannot be read ends the run at once.
-    """
-    input:
-        **INPUTS.of("record"),
-    output:
-        f"{RESULTS}/record.nc",
-    log:
-        f"{LOGS}/record.log",
-    priority: 2
-    localrule: True
-    conda:
-        "../envs/environment.yaml"
-    threads: RESOURCES.all_cores  # nothing begins beside it
-    resources:
-        mem_mb=2000,
-        runtime=30,
-    shell:
-        RUN
+        Before the grid and what is solved on it: one that cannot be read ends the run at once.
+        """
+        input:
+            **INPUTS.of("record"),
+        output:
+            FILES.own("record.nc"),
+        log:
+            f"{OWN_LOGS}/record.log",
+        priority: 2
+        localrule: True
+        conda:
+            "../envs/environment.yaml"
+        threads: RESOURCES.all_cores  # nothing begins beside it
+        resources:
+            mem_mb=2000,
+            runtime=30,
+        shell:
+            RUN
 
 
 rule events:
