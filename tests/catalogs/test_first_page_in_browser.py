@@ -132,6 +132,19 @@ def test_it_is_one_sheet(browser, request, report):
     assert len(sizes) > 5
 
 
+@pytest.mark.parametrize("report", ["usual", "fullest"])
+def test_on_paper_no_table_is_cut(browser, request, report):
+    """A4 upright within its margins. A table that is wider than its sheet, or scrolls, would lose columns or rows."""
+    opened(browser, request.getfixturevalue(report), round(186 * MILLIMETRE), 900, "print")
+    tables = "[...document.querySelectorAll('#appendix table, #appendix pre, #appendix .aside')]"
+    assert browser.value(f"{tables}.length") > 15
+    cut = "(one) => one.getBoundingClientRect().right > innerWidth + 1 || one.scrollHeight > one.clientHeight + 1"
+    cut += " || one.scrollWidth > one.clientWidth + 1"
+    names = f"{tables}.filter({cut}).map((one) => one.closest('section').id + ': ' + one.innerText.slice(0, 40))"
+    assert browser.value(f"JSON.stringify({names})") == "[]"
+    assert browser.value("[...document.querySelectorAll('#appendix table')].every((one) => one.tHead)")
+
+
 def test_on_a_phone_it_is_one_column(browser, usual):
     parts = opened(browser, usual, 390, 844)
     assert parts[".right"][1] >= parts[".left"][3]
