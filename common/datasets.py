@@ -140,26 +140,26 @@ def plain(attributes: dict) -> dict[str, str | float | list]:
 
 
 @contextmanager
-def open_dataset(path: str | os.PathLike) -> Iterator[xr.Dataset]:
+def open_dataset(path: str | os.PathLike, remedy: str = RUN_AGAIN) -> Iterator[xr.Dataset]:
     """A netCDF file whose values are read on demand, and not kept; closed at the end of the block.
 
-    Raises InputError for a missing or unreadable file, and for one whose bytes are not those that were written, also
-    where a block that reads its values finds that.
+    remedy: what to do with one that cannot be used. Raises InputError for a missing or unreadable file, and for one
+    whose bytes are not those that were written, also where a block that reads its values finds that.
     """
     try:
         dataset = xr.open_dataset(path, engine=NetCDF4BackendEntrypoint, cache=False)  # by name it would look for all
     except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(f"{path}: not a readable dataset ({error}); {RUN_AGAIN}") from error
+        raise InputError(f"{path}: not a readable dataset ({error}); {remedy}") from error
     with dataset:
         if not is_as_written(dataset):
-            raise InputError(f"{path}: damaged: its content is not what was written; {RUN_AGAIN}")
+            raise InputError(f"{path}: damaged: its content is not what was written; {remedy}")
         dataset.attrs.pop(CHECKSUM, None)
         try:
             yield dataset
         except (OSError, RuntimeError) as error:  # "NetCDF: HDF error"; of this file, or of another in the same block
             if is_readable(dataset):
                 raise
-            raise InputError(f"{path}: damaged: {error}; {RUN_AGAIN}") from error
+            raise InputError(f"{path}: damaged: {error}; {remedy}") from error
 
 
 def is_as_written(dataset: xr.Dataset) -> bool:
@@ -180,11 +180,11 @@ def is_readable(dataset: xr.Dataset) -> bool:
     return True
 
 
-def read_dataset(path: str | os.PathLike, names: Collection[str] | None = None) -> xr.Dataset:
+def read_dataset(path: str | os.PathLike, names: Collection[str] | None = None, remedy: str = RUN_AGAIN) -> xr.Dataset:
     """Read a netCDF file into memory and close it; names: of the only variables to read, as far as there are such.
 
     Raises InputError as open_dataset does.
     """
-    with open_dataset(path) as dataset:
+    with open_dataset(path, remedy) as dataset:
         others = [] if names is None else [name for name in dataset.variables if name not in names]
         return dataset.drop_vars(others).load()

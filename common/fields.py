@@ -30,10 +30,10 @@ class Field:
         """Attributes of the variable in a file."""
         return {"long_name": self.meaning} | ({"units": self.unit} if self.unit else {})
 
-    def check(self, dataset: xr.Dataset, source: str) -> None:
+    def check(self, dataset: xr.Dataset, source: str, remedy: str = FILE_REMEDY) -> None:
         """Raise InputError, one line that names `source`, if the variable is missing or not as declared."""
         if self.name not in dataset.variables:
-            raise InputError(f"{source}: {self.name} is missing; {FILE_REMEDY}")
+            raise InputError(f"{source}: {self.name} is missing; {remedy}")
         found = dataset.variables[self.name]
         for what, has, expected in (
             ("dimensions", ", ".join(map(str, found.dims)), ", ".join(self.dims)),
@@ -41,9 +41,7 @@ class Field:
             ("unit", found.attrs.get("units", ""), self.unit),
         ):
             if has != expected:
-                raise InputError(
-                    f"{source}: {self.name}: {what} {has or 'none'}, not {expected or 'none'}; {FILE_REMEDY}"
-                )
+                raise InputError(f"{source}: {self.name}: {what} {has or 'none'}, not {expected or 'none'}; {remedy}")
 
 
 def _name(dtype: np.dtype) -> str:

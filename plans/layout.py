@@ -114,16 +114,16 @@ def new_outcome(values: Mapping[str, Any], attributes: Mapping) -> xr.Dataset:
     return check_outcome(xr.Dataset(variables, attrs=attributes), "outcome")
 
 
-def check_outcome(dataset: xr.Dataset, source: str) -> xr.Dataset:
+def check_outcome(dataset: xr.Dataset, source: str, remedy: str = FILE_REMEDY) -> xr.Dataset:
     """An outcome with text as the table has it. Raises InputError, one line, where it is not of this form."""
     for name in ("mine", "plan", "floor", "shared_floor", "recorded_until", "steps_ahead"):
         if name not in dataset.attrs:
-            raise InputError(f"{source}: attribute {name} is missing; {FILE_REMEDY}")
+            raise InputError(f"{source}: attribute {name} is missing; {remedy}")
     dataset = dataset.copy()
     for field in FIELDS:
         if field.dtype == TEXT and field.name in dataset.variables:
             dataset[field.name] = dataset[field.name].astype(TEXT)
-        field.check(dataset, source)
+        field.check(dataset, source, remedy)
     return dataset
 
 

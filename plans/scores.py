@@ -30,7 +30,8 @@ from common.errors import InputError
 from common.event_table import read_events
 from common.fields import TEXT, Field
 from plans.hazard import chance_of
-from plans.layout import ANY, read_outcome
+from plans.kept_forecasts import read_forecast
+from plans.layout import ANY
 from plans.record import is_covered
 from plans.runs import Geometry
 from plans.settings import Opening, ScoreSlice
@@ -107,7 +108,7 @@ def score_stage(given: Mapping, *, record: Path, grid: Path) -> xr.Dataset:
     Raises InputError as score.
     """
     settings = ScoreSlice.of(given, "forecasts")
-    forecasts = [read_outcome(one.file) for one in settings.forecasts]
+    forecasts = [read_forecast(one.file, f"forecasts.{index}") for index, one in enumerate(settings.forecasts)]
     scores = score(forecasts, read_events(record), read_dataset(grid), settings)
     return scores.assign_attrs(sentences=json.dumps(sentences(scores), ensure_ascii=False))
 

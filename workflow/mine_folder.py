@@ -18,16 +18,16 @@ def check_owner(name: str, mine_file: Path) -> None:
 
     The results of a file that was moved, renamed or copied as it is belong to the new one.
     """
-    note, own = NOTES / name, Path(mine_file).resolve()
-    if not note.is_file() or not Path("results", name).is_dir():
+    noted, own = _noted(name), Path(mine_file).resolve()
+    if not noted or not Path("results", name).is_dir():
         return
-    made_from, *named = note.read_text(encoding="utf-8").splitlines()
+    made_from, *named = noted
     other = Path(made_from)
-    if other == own or not other.is_file() or other.read_bytes() == own.read_bytes():
-        return
     try:
+        if other == own or not other.is_file() or other.read_bytes() == own.read_bytes():
+            return
         claims = bool(named) or read_yaml(other).get("name") == name
-    except InputError:
+    except (InputError, OSError, ValueError):  # a note that names no file that can be read says nothing
         return
     if claims:
         also = "with that name by --config" if named else "which has this name, too"
@@ -38,7 +38,20 @@ def check_owner(name: str, mine_file: Path) -> None:
 
 
 def note_owner(name: str, mine_file: Path, is_overridden: bool = False) -> None:
-    """Remember the file that results/<name> is made from; is_overridden: the name is of --config, not the file's."""
-    NOTES.mkdir(parents=True, exist_ok=True)
+    """Remember the file that results/<name> is made from; is_overridden: the name is of --config, not the file's.
+
+    Raises InputError if the disk is full.
+    """
+    from common.datasets import atomic_path  # here: a dry run need not wait for xarray
+
     text = str(Path(mine_file).resolve()) + ("\nname of --config" if is_overridden else "")
-    (NOTES / name).write_text(text, encoding="utf-8")
+    with atomic_path(NOTES / name) as temporary:
+        temporary.write_text(text, encoding="utf-8", errors="surrogateescape")
+
+
+def _noted(name: str) -> list[str]:
+    """Lines of the note on results/<name>; none without one, and of one that a full disk has left empty."""
+    try:
+        return (NOTES / name).read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+    except OSError:
+        return []

@@ -22,7 +22,10 @@ wildcard_constraints:
 
 
 onstart:
-    note_owner(MINE.name, MINE_FILE, "name" in OVERRIDES)
+    try:
+        note_owner(MINE.name, MINE_FILE, "name" in OVERRIDES)
+    except InputError as error:
+        sys.exit(str(error))
     if FILES.has_catalog and not FILES.has_quakeml:
         print(
             f"{MINE.name}: frame has no place on Earth: no catalog.xml, catalog.csv in mine coordinates",

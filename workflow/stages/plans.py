@@ -1,7 +1,7 @@
 """Stages of the mining plans: what each plan releases, and all of them side by side."""
 
 import datetime
-import shutil
+from pathlib import Path
 
 from common.job import MADE_FROM, Job
 from common.result_folders import FORECASTS
@@ -16,23 +16,23 @@ def plan_outcome(job: Job) -> None:
 
     files = {name: job.input_if_any(name) for name in ("record", "comparison")}
     found = outcome_stage(job.settings, grid=job.input("grid"), **files)
-    write_dataset(found.assign_attrs(job.provenance()), job.output())
-    _keep(job)
+    outcome, kept = found.assign_attrs(job.provenance()), _kept(job)
+    if not kept.is_file():
+        write_dataset(outcome, kept)
+    write_dataset(outcome, job.output())
 
 
-def _keep(job: Job) -> None:
-    """Lay a copy of the outcome into a folder of forecasts, by date.
+def _kept(job: Job) -> Path:
+    """Path of the kept copy of an outcome, in a folder of forecasts. It is written before the outcome itself.
 
     A forecast cannot be made again once its months are recorded, and Snakemake removes an output before it is made
-    anew. The copy's name holds the date and what the outcome was made from. No rule writes or removes it.
+    anew and after a failure. The copy's name holds the date and what the outcome was made from. No rule writes or
+    removes it.
     """
     folder = job.output().parents[2] / FORECASTS
-    made = job.provenance()[MADE_FROM]
-    if not list(folder.glob(f"*_{job.settings['plan']}_{made}.nc")):
-        folder.mkdir(parents=True, exist_ok=True)
-        part = folder / f".{made}.part"
-        shutil.copyfile(job.output(), part)
-        part.rename(folder / f"{datetime.date.today().isoformat()}_{job.settings['plan']}_{made}.nc")
+    name = f"{job.settings['plan']}_{job.provenance()[MADE_FROM]}.nc"
+    earlier = sorted(folder.glob(f"????-??-??_{name}"))
+    return earlier[0] if earlier else folder / f"{datetime.date.today().isoformat()}_{name}"
 
 
 @stage("plans")
