@@ -1,7 +1,7 @@
 """The settings of the mechanics: those of a mine's configuration, and the slice that the grid is made from."""
 
 import inspect
-from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, create_model, model_validator
 
@@ -29,13 +29,10 @@ MAX_LEVELS = 12  # sizes of cell
 DEFAULT_COARSE_CELL = 10.0  # m; of a mine that gives no size of cell, with this number of levels
 DEFAULT_LEVELS = 4
 Condition = Literal["fixed", "roller", "traction", "free"]
-Stress = Annotated[float, Unit("Pa", ge=-1e13, le=1e13)]
-Gradient = Annotated[float, Unit("Pa/m", ge=-1e12, le=1e12)]
 Angle = Annotated[float, Unit("deg", ge=0, lt=90)]
 StrengthPart = Annotated[float, Unit("Pa", ge=0, le=1e13)]
 Tolerance = real_number(ge=1e-15, le=0.1)
 Many = whole_number(ge=1, le=1_000_000_000)
-Quantity = TypeVar("Quantity")
 
 
 class Boundary(Settings):
@@ -117,32 +114,6 @@ class GridSettings(Settings):
     latter. A larger one is an error, and more than 0.05 is a warning in the report. From 1 on, openings with almost no
     whole cell are accepted, too, although the rock in their cut cells supports them; those too thin for any part of a
     cell are left out."""
-
-
-class SymmetricTensor(Settings, Generic[Quantity]):
-    """The six components of a symmetric tensor. Components that are not given are zero."""
-
-    xx: Quantity = None
-    yy: Quantity = None
-    zz: Quantity = None
-    yz: Quantity = None
-    xz: Quantity = None
-    xy: Quantity = None
-
-
-class StressComponents(SymmetricTensor[Stress]):
-    """Components of the stress at frame.surface, tension positive. Components that are not given are zero."""
-
-
-class GradientComponents(SymmetricTensor[Gradient]):
-    """Change of the components per metre of depth below frame.surface. Compression is negative."""
-
-
-class InsituSettings(Settings):
-    """Stress before mining: constant + gradient x depth."""
-
-    constant: StressComponents
-    gradient: GradientComponents = None
 
 
 class AnglePair(Settings):

@@ -22,7 +22,7 @@ from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
 from workflow.face_positions import face_positions
 from workflow.key_order import key_in, parts_of, section_of
-from workflow.mine import Mine, in_voigt_order
+from workflow.mine import Mine
 from workflow.mine_settings import MINE_FILE_PLAN, BoundaryStrain, Excavation, Load, MineSettings, RockBody
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
@@ -445,10 +445,12 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
 def _check_compression(mine: Mine, mistakes: Mistakes) -> None:
     """Compression is negative: rock in place is under tension along an axis nowhere, at no depth of a mine."""
     insitu, normal = mine.settings.insitu_stress, ("xx", "yy", "zz")
-    constants, gradients = (in_voigt_order(part)[:3] for part in (insitu.constant, insitu.gradient))
+    constants, gradients = (insitu.voigt(name)[:3] for name in ("constant", "gradient"))
+    is_principal = insitu.principal is not None
     if gradients[2] > 0.0:
+        key = "insitu_stress.principal: its gradient of zz is" if is_principal else "insitu_stress.gradient.zz:"
         raise InputError(
-            "insitu_stress.gradient.zz: positive, rock would weigh less than nothing; compression is negative, "
+            f"{key} positive, rock would weigh less than nothing; compression is negative, "
             "and gradients are per metre of depth below frame.surface"
         )
     domain, surface = mine.settings.domain, mine.settings.frame.surface
@@ -456,7 +458,9 @@ def _check_compression(mine: Mine, mistakes: Mistakes) -> None:
     for name, constant, gradient in zip(normal, constants, gradients, strict=True):
         with mistakes.gather():
             if all(constant + gradient * depth > 0.0 for depth in depths):
+                keys = f"constant.{name}, and gradient.{name}"
                 raise InputError(
-                    f"insitu_stress: {name} is positive, tension, in all of the domain; compression is negative "
-                    f"(constant.{name}, and gradient.{name} per metre of depth below frame.surface)"
+                    f"insitu_stress{'.principal' if is_principal else ''}: {name} is positive, tension, in all of the "
+                    f"domain; compression is negative ({'constant and gradient' if is_principal else keys}, per metre "
+                    "of depth below frame.surface)"
                 )

@@ -73,6 +73,13 @@ face:
     - {date: "2019-08-01", panel: north, ends: [[0 m, 0 m], [0 m, 250 m]]}
     - {date: "2019-09-01", panel: north, ends: [[180 m, 0 m], [180 m, 250 m]]}
 """
+PRINCIPAL = """\
+insitu_stress:
+  principal:
+    sigma_1: {trend: 30 deg, plunge: 0 deg, gradient: -0.040 MPa/m}
+    sigma_2: {trend: 120 deg, plunge: 0 deg, gradient: -0.025 MPa/m}
+    sigma_3: {plunge: 90 deg, constant: -0.5 MPa, gradient: -0.027 MPa/m}
+"""
 FORECASTS = """\
 forecasts: [forecasts/2019-11.nc]
 """
@@ -85,7 +92,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     ),
     "Stress and rock": (
         ("insitu_stress", "materials", "rock_bodies"),
-        ((DEMO, "insitu_stress"), (DEMO, "materials"), ("config/verification/fault.yaml", "rock_bodies")),
+        ((DEMO, "insitu_stress"), PRINCIPAL, (DEMO, "materials"), ("config/verification/fault.yaml", "rock_bodies")),
     ),
     "Solids and mining": (
         ("excavations", SHAPE, "steps", "excavations_from"),

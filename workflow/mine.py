@@ -8,8 +8,6 @@ that month.
 from collections.abc import Sequence
 from typing import Self
 
-from common.setting_types import Settings
-from common.voigt import NAMES
 from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION
 from mpm_core.settings import ShapeSettings, SolidSettings
 from workflow.face_positions import face_positions
@@ -23,12 +21,6 @@ SHAPE_KEYS = set(ShapeSettings.model_fields)
 def shape_keys(solid: ShapeSettings) -> dict:
     """The keys of an excavation, rock body or load that define its shape or file, as plain values."""
     return solid.model_dump(mode="json", include=SHAPE_KEYS, exclude_unset=True)
-
-
-def in_voigt_order(components: Settings | None) -> list[float]:
-    """The six components of a stress, gradient or strain; zero where they are not given."""
-    given = components.given() if components else {}
-    return [given.get(name, 0.0) for name in NAMES]
 
 
 class Mine(MineConfiguration):
@@ -101,7 +93,7 @@ class Mine(MineConfiguration):
 
         def strain(entry: BoundaryStrain) -> dict:
             since = self.step_index(entry.step)
-            return {"name": entry.name, "since": since, "strain": in_voigt_order(entry.strain)}
+            return {"name": entry.name, "since": since, "strain": entry.strain.voigt()}
 
         loads = [load(entry) for entry in settings.loads if self.step_index(entry.step) <= last]
         strains = [strain(entry) for entry in settings.strains if self.step_index(entry.step) <= last]
@@ -133,7 +125,7 @@ class Mine(MineConfiguration):
     def _insitu_stress(self) -> dict[str, list[float]]:
         """Stress at frame.surface, Pa, and its change per metre of depth, Pa/m, in Voigt order."""
         stress = self.settings.insitu_stress
-        return {"constant": in_voigt_order(stress.constant), "gradient": in_voigt_order(stress.gradient)}
+        return {name: stress.voigt(name) for name in ("constant", "gradient")}
 
     def _refinement(self) -> dict:
         """Settings of adaptive refinement that the grid depends on: buffer rings, limit of cells, rock bodies."""

@@ -26,15 +26,14 @@ from common.setting_types import (
     whole_number,
 )
 from mpm_core.constitutive.laws import AnyMaterial
+from mpm_core.insitu_settings import InsituSettings, SymmetricTensor
 from mpm_core.settings import (
     BodySettings,
     DomainSettings,
     GridSettings,
-    InsituSettings,
     ShapeSettings,
     SolidSettings,
     SolverSettings,
-    SymmetricTensor,
 )
 from plans.settings import HazardSettings
 from seismic.event_settings import SeismicSettings

@@ -15,7 +15,7 @@ from mpm_core.geometry.shapes import solid_of
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.scene.scene import InsituStress, virgin_excess
 from mpm_core.scene.scene_solids import bodies_at
-from workflow.mine import Mine, in_voigt_order
+from workflow.mine import Mine
 from workflow.shapes import check_form
 
 MAX_LAYERS = 32  # of points along each axis, at which the rock of a domain is looked up
@@ -25,7 +25,7 @@ INSET = 1e-6  # Share of the domain by which the outermost points lie within it:
 def insitu_stress(mine: Mine) -> InsituStress:
     """The virgin stress of a mine."""
     stress = mine.settings.insitu_stress
-    constant, gradient = (np.array(in_voigt_order(part)) for part in (stress.constant, stress.gradient))
+    constant, gradient = (np.array(stress.voigt(name)) for name in ("constant", "gradient"))
     return InsituStress(constant, gradient, mine.settings.frame.surface)
 
 

@@ -5,6 +5,7 @@ import pytest
 from tiny_mines import FLAT, HOST, TINY, changed
 
 from common.errors import InputError
+from common.voigt import tensor_from_voigt
 from workflow.virgin_rock import Rocks, check_virgin_stress
 
 # The host of the tiny mine would fail under this stress from D = 949 m on, z = 51 m: N xx - zz exceeds 3.46 MPa.
@@ -97,3 +98,25 @@ def test_a_derived_domain_goes_as_deep_as_its_rock_bears(accept, refuse):
     assert line.startswith(
         "insitu_stress: virgin stress reaches the intact strength of materials.strong at elevation 20 m"
     )
+
+
+def test_principal_stresses_are_those_of_the_components(accept, refuse):
+    """The tiny mine's stress, turned into principal stresses at the surface and at 1 m; and a sign that is wrong."""
+    written = accept(TINY).mechanics_slice(0)["insitu_stress"]
+    values, axes = np.linalg.eigh(tensor_from_voigt(written["gradient"]))
+    section = {
+        f"sigma_{number}": {
+            "gradient": f"{float(value)!r} Pa/m",
+            "trend": f"{float(np.degrees(np.arctan2(axis[0], axis[1])))!r} deg",
+            "plunge": f"{float(np.degrees(-np.arcsin(axis[2])))!r} deg",
+        }
+        for number, (value, axis) in enumerate(zip(values, axes.T, strict=True), 1)
+    }
+    found = accept(TINY, insitu_stress={"principal": section}).mechanics_slice(0)["insitu_stress"]
+    np.testing.assert_allclose(found["gradient"], written["gradient"], atol=1e-9 * abs(values).max())
+    assert found["constant"] == [0.0] * 6
+    turned = {name: one | {"gradient": one["gradient"].lstrip("-")} for name, one in section.items()}
+    line = refuse(TINY, insitu_stress={"principal": turned})
+    assert line.startswith("insitu_stress.principal: its gradient of zz is positive")
+    line = refuse(TINY, insitu_stress={"principal": section | {"sigma_1": section["sigma_1"] | {"trend": "20 deg"}}})
+    assert "principal axes are at right angles, within 3 degrees" in line
