@@ -100,14 +100,15 @@ def write_job(
     text = json.dumps(values, sort_keys=True)
     # A folder for each job: Snakemake keeps what it has seen in a folder, and would miss a file that is written later.
     path = Path(folder, FOLDER, stage, part, f"{content_hash(text)}.json")
-    if not path.is_file() or path.read_text(encoding="utf-8", errors="replace") != text:
-        try:
+    try:
+        if not path.is_file() or path.read_text(encoding="utf-8", errors="replace") != text:
             with atomic_path(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be written ({error.strerror}); mend its folder, or move it away"
-            ) from error
+        elif any(other.stat().st_mtime_ns < path.stat().st_mtime_ns for other in path.parent.glob("*.json")):
+            # The results are of an older form; they may have been touched since this one was planned.
+            os.utime(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); mend its folder, or move it away") from error
     return path.as_posix()
 
 

@@ -26,6 +26,16 @@ STRONGER = {"materials.host.friction_angle": {"intact": "31 deg", "residual": "2
 WIDER = {"excavations.1": box("stope_1", "2019-08", [30, 40, 25], [45, 60, 50], fill="fill")}
 COARSER = {"seismic.closeness": 0.6}
 NEARER = {"record.location_error": "4 m"}
+REQUESTED = changed(
+    TINY,
+    baselines={"since": "2019-07-01"},
+    calibration={
+        "quantities": [
+            {"key": "materials.host.cohesion.residual", "range": ["0.2 MPa", "0.9 MPa"], "scale": "log", "source": "-"}
+        ],
+        **{"trials": 4, "batches": 0, "replicates": 1, "pairs": 2},
+    },
+)
 STAGES = {  # first result of a stage, and a change of what the stage depends on
     "grid.nc": WIDER,
     "elastic.nc": STEELIER,
@@ -156,6 +166,64 @@ def test_results_without_snakemakes_notes_are_judged_by_their_jobs(copied):
     assert planned(file, folder) == {}
     write_mine(changed(TINY, **COARSER), file)
     assert set(planned(file, folder)) == {"events", "catalogue", "comparison", "report", "report_page", "all"}
+
+
+@pytest.fixture(scope="module")
+def requested(tmp_path_factory, leave_empty) -> tuple[Path, Path]:
+    """Folder and mine file of a run of baselines and calibration; their results are empty."""
+    folder = tmp_path_factory.mktemp("requested")
+    file = write_mine(REQUESTED, folder / "files/tiny.yaml")
+    for target in ("baselines", "calibrate"):
+        status, text = snakemake(file, folder / "run", target, interpreter=leave_empty)
+        assert status == 0, text
+    return folder / "run", file
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, {}),
+        ({"baselines.friction_angle": "17 deg"}, {"flaws": 1, "excess_shear": 1, "baselines": 1}),
+        ({"baselines.since": "2019-06-01"}, {"baselines": 1}),
+        ({"calibration.model_error": 0.5}, {"calibrate": 1}),
+        (NEARER, {"record": 1, "comparison": 1, "flaws": 1, "excess_shear": 1, "baselines": 1, "calibrate": 1}),
+    ],
+    ids=["nothing", "friction", "since", "model error", "location error"],
+)
+def test_baselines_and_calibration_without_snakemakes_notes_are_made_again(values, expected, requested):
+    """What depends on a changed key, and nothing else. The calibration copies the mine file, so its page follows it."""
+    folder, file = requested
+    shutil.rmtree(folder / ".snakemake", ignore_errors=True)
+    with edited(file, changed(REQUESTED, **values)) as other:
+        found = planned(other, folder, "baselines", "calibrate")
+    found.pop("earlier_record", None)
+    assert {"calibrate": 1, **found} == {"calibrate": 1, **expected}
+    assert ("calibrate" in found) == bool(values)
+
+
+def test_a_record_replaced_by_an_older_file_is_seen_without_snakemakes_notes(requested):
+    """By baselines and calibration alike."""
+    folder, file = requested
+    record = file.parent / "record.csv"
+    before = record.read_bytes()
+    record.write_bytes(before.replace(b"-2.", b"-1.", 1))
+    os.utime(record, (1, 1))
+    shutil.rmtree(folder / ".snakemake", ignore_errors=True)
+    found = planned(file, folder, "baselines", "calibrate")
+    record.write_bytes(before)
+    assert {"record", "comparison", "flaws", "excess_shear", "baselines", "calibrate"} <= set(found)
+
+
+def test_results_that_were_touched_are_not_taken_for_those_of_planned_settings(requested):
+    """A dry run has written the jobs of other settings; then results get a newer time, as a copy of a folder has."""
+    folder, file = requested
+    with edited(file, changed(REQUESTED, **{"calibration.model_error": 0.5, "baselines.seed": 7})) as other:
+        before = planned(other, folder, "baselines", "calibrate")
+        for path in sorted((folder / "results/tiny").rglob("*")):
+            if path.is_file() and "jobs" not in path.parts:
+                os.utime(path)
+        after = planned(other, folder, "baselines", "calibrate")
+    assert {"flaws", "excess_shear", "baselines", "calibrate"} <= set(before) <= set(after)
 
 
 def test_a_dry_run_of_other_settings_makes_nothing_old(copied):
