@@ -80,6 +80,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_record, "record", "frame")
     check(check_filter, "record", "domain", "plane")
     check(_check_face, "face", "plane", "steps")
+    check(_check_baselines, "baselines", "steps", *cells)
     check(check_repeated, "excavations", "steps")
     check(_check_plans, "plans", "excavations", "steps")
     check(_check_forecasts, "forecasts", "record", "steps")
@@ -180,6 +181,11 @@ def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
                     f"{where}: differs from another plan in capitals alone, which are the same folder on some disks"
                 )
         seen.append(name.lower())
+        for step in plan.steps or ():
+            for key, date in (("start", step.start), ("end", step.end)):
+                with mistakes.gather():
+                    if date is not None:
+                        read_date(f"{where}.steps.{step.name}.{key}", date)
         for excavation in plan.excavations or {}:
             with mistakes.gather():
                 if excavation not in written and excavation in made:
@@ -212,6 +218,27 @@ def _check_face(mine: Mine, _: Mistakes) -> None:
             f"face: no position before and after the end of any dated step ({', '.join(ends)}); give positions that "
             "cover the steps"
         )
+
+
+def _check_baselines(mine: Mine, mistakes: Mistakes) -> None:
+    """Check the date from which earlier months are read, and the radii of flaws against the domain."""
+    settings, domain = mine.settings.baselines, mine.settings.domain
+    starts = [step.start for step in mine.listed_steps if step.is_dated]
+    if settings.since is not None:
+        with mistakes.gather():
+            since = read_date("baselines.since", settings.since)
+            if starts and since > read_date("steps", starts[0]):
+                raise InputError(
+                    f"baselines.since: {settings.since} is after the first dated step begins, {starts[0]}; give an "
+                    "earlier date, or leave it out"
+                )
+    if settings.radii is not None and mine.dimension == 3:
+        edge = min(high - low for low, high in zip(domain.lower, domain.upper, strict=True))
+        if settings.radii[1] > 0.5 * edge:
+            mistakes.add(
+                f"baselines.radii: a flaw with a radius of {settings.radii[1]:g} m does not fit into the domain, whose "
+                f"shortest edge is {edge:g} m; give a smaller largest radius"
+            )
 
 
 def _check_forecasts(mine: Mine, mistakes: Mistakes) -> None:

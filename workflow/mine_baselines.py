@@ -8,7 +8,6 @@ from pathlib import Path
 from baselines.settings import BaselineSettings
 from common.result_folders import BASELINES, ELASTIC_ROCK
 from mpm_core.constitutive.laws import can_fail
-from workflow.dates import read_date
 from workflow.mine import Mine
 
 SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 6.0  # radii of flaws over the edge of the finest cell, where none are given
@@ -119,14 +118,7 @@ class MineBaselines:
         )
 
     def earlier_record_slice(self) -> dict:
-        """Settings that the record since the date `since` depends on. Exits if the first dated step begins earlier."""
+        """Settings that the record since the date `since` depends on."""
         slice_, since = self.mine.record_slice(), self.settings.since
-        assert since is not None  # the rule is there with it alone
-        first = slice_["period"]["start"]
-        if read_date(f"{BASELINES}.since", since) > read_date("steps", first):
-            sys.exit(
-                f"{self.mine_file}: {BASELINES}.since: {since} is after the first dated step begins, {first}; give an "
-                "earlier date, or leave it out"
-            )
         chosen = {key: value for key, value in slice_.get("filter", {}).items() if key != "start"}
         return slice_ | {"period": slice_["period"] | {"start": since}, **({"filter": chosen} if chosen else {})}

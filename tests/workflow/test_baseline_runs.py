@@ -122,9 +122,6 @@ def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     assert slice_["filter"] == {"lower": [10.0, -1000.0, 10.0], "end": "2019-08-20"}
     assert mine_baselines.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
     assert mine_baselines.report_slice()["since"] == "2019-07-01"
-    late = baselines_of(changed(TINY, baselines={"since": "2019-08-02"}), tmp_path)
-    with pytest.raises(SystemExit, match=r"baselines\.since: 2019-08-02 is after the first dated step begins"):
-        late.earlier_record_slice()
 
 
 def test_a_face_reaches_the_comparison_and_is_checked(accept, refuse, monkeypatch):
@@ -152,10 +149,29 @@ def test_a_face_reaches_the_comparison_and_is_checked(accept, refuse, monkeypatc
     assert refuse(TINY, face={"source": "elk_creek", "folder": "nowhere"}).startswith("face.folder: ")
 
 
-def test_wrong_radii_are_refused(refuse):
-    """In one line."""
-    line = refuse(TINY, baselines={"radii": ["9 m", "1 m"]})
-    assert line == "baselines.radii: 9 m to 1 m is empty; give the smaller radius first"
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"radii": ["9 m", "1 m"]}, "baselines.radii: 9 m to 1 m is empty; give the smaller radius first"),
+        ({"radii": ["9 m", "50 m"]}, "baselines.radii: a flaw with a radius of 50 m does not fit into the domain"),
+        ({"since": "2019-13-45"}, "baselines.since: '2019-13-45' is not a date (month must be in 1..12)"),
+        ({"since": "2019-07-01T25:00"}, "baselines.since: '2019-07-01T25:00' is not a date (hour must be in 0..23)"),
+        ({"since": "1066-01-01"}, "baselines.since: 1066-01-01: give a year from 1678 to 2261"),
+        ({"since": "2019-08-02"}, "baselines.since: 2019-08-02 is after the first dated step begins, 2019-08-01"),
+        ({"since": "2019-10-01"}, "baselines.since: 2019-10-01 is after the first dated step begins, 2019-08-01"),
+    ],
+)
+def test_wrong_keys_are_refused_when_the_mine_file_is_read(values, line, refuse):
+    """In one line, by every command, before anything runs."""
+    assert refuse(TINY, baselines=values).startswith(line)
+
+
+@pytest.mark.parametrize("key", ["start", "end"])
+def test_a_wrong_date_of_a_plan_is_refused_when_the_mine_file_is_read(key, refuse):
+    """As those of the mine's own steps are."""
+    step = {"name": "2019-09", "start": "2019-09-01", "end": "2019-10-01", key: "2019-02-30"}
+    line = refuse(TINY, plans={"longer": {"steps": [step]}})
+    assert line.startswith(f"plans.longer.steps.2019-09.{key}: '2019-02-30' is not a date")
 
 
 @pytest.mark.slow
