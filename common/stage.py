@@ -15,6 +15,7 @@ from common.disk import full_one, no_room
 from common.errors import InputError
 from common.progress import Progress, log_compilation
 from common.result_folders import notes_on
+from common.streams import outlast_terminal
 
 PR_SET_PDEATHSIG = 1  # prctl(2): the signal a process gets when its parent ends
 PARENT = "PARENT_OF_STAGE"  # environment variable: the process that has started the stage
@@ -80,6 +81,7 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
     does: what it does, in words (the first line of a docstring), shown if it takes longer than a moment.
     """
     die_with_parent(int(os.environ[PARENT]) if PARENT in os.environ else None)
+    outlast_terminal()
     CLOCK.start()
     progress = Progress(name, f"{does.strip().splitlines()[0].rstrip('.')}; log: {log}")
     whose = name + "".join(f" ({note})" for note in notes_on(name))

@@ -10,14 +10,17 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from common.disk import NO_ROOM
+from common.disk import NO_ROOM, disk_full
 from common.errors import InputError
 from common.setting_types import short
+from workflow import BASE
 from workflow.strict_yaml import check_files, read_text
 
 OPTION = re.compile(r"(--config|-C)(=|$)")
 KEY = re.compile(r"[a-zA-Z_][\w-]*\w")  # of Snakemake; no key of a mine's file is another
 WORD = re.compile(r"[\w-]+")
+ROOM = 1 << 16  # Bytes that a run needs at least: its log, its notes and the files of its jobs.
+ELSEWHERE = "start in another folder, or name one with --directory"
 
 
 def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> None:
@@ -69,16 +72,22 @@ def _right_way(key: str, value: str) -> str:
 
 
 def check_folder(folder: str | Path) -> None:
-    """Raise InputError for a working directory that cannot be written. Snakemake keeps its notes and results in it."""
+    """Raise InputError for a working directory that cannot be written, or whose name Snakemake takes for a pattern.
+
+    Snakemake keeps its notes and results in it.
+    """
     folder = Path(folder).absolute()
+    for path, remedy in ((folder, ELSEWHERE), (BASE, "move the program to another folder")):
+        if "{" in str(path):
+            raise InputError(f"{path}: Snakemake takes braces in the name of a folder for a wildcard; {remedy}")
     notes = folder / ".snakemake"
     try:
         notes.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=notes):
-            pass
+        with tempfile.TemporaryFile(dir=notes) as probe:
+            probe.write(bytes(ROOM))
     except OSError as error:
-        if error.errno not in NO_ROOM:  # of a full disk the terminal tells (workflow/terminal.py)
-            raise InputError(
-                f"{folder}: cannot be written ({error.strerror}), and notes and results go there; start in another "
-                "folder, or name one with --directory"
-            ) from error
+        if error.errno in NO_ROOM:
+            raise InputError(disk_full(error.strerror or "", folder)) from error
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror}), and notes and results go there; {ELSEWHERE}"
+        ) from error

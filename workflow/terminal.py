@@ -16,6 +16,7 @@ from snakemake_interface_logger_plugins.common import LogEvent
 
 from common.disk import NO_ROOM as NO_ROOM_ERRORS
 from common.disk import disk_full
+from common.streams import Outlasting, outlast_terminal
 
 QUIET_EVENTS = (LogEvent.WORKFLOW_STARTED, LogEvent.JOB_FINISHED, LogEvent.JOB_STARTED, LogEvent.RESOURCES_INFO)
 SHOWN = (
@@ -81,9 +82,12 @@ class LogHandler(LogHandlerBase):
     needs_rulegraph = False
 
     def __post_init__(self) -> None:
-        """Write as Snakemake itself does, in its colours, to its stream."""
-        stream = sys.stdout if self.common_settings.stdout else sys.stderr
+        """Write as Snakemake itself does, in its colours, to its stream, as long as somebody reads it."""
+        outlast_terminal()
+        stream = Outlasting(sys.stdout) if self.common_settings.stdout else sys.stderr
         self.text = ColorizingTextHandler(nocolor=self.common_settings.nocolor, stream=stream)
+        # Python would print a traceback for each line that a full disk keeps from Snakemake's log file.
+        logging.raiseExceptions = False
         self.addFilter(OneLine())
 
     def setFormatter(self, formatter: logging.Formatter | None) -> None:

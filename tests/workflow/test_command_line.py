@@ -5,11 +5,12 @@ import subprocess
 import sys
 
 import pytest
+from test_full_disk import little_room
 from tiny_mines import ROOT, TINY, snakemake, write_mine
 
 from common.errors import InputError
 from workflow.command_line import read_overrides
-from workflow.mine_folder import check_owner, note_owner
+from workflow.mine_folder import NOTES, check_owner, note_owner
 
 READ_ONLY = "/sys"  # a folder of Linux that takes no files, of root neither
 
@@ -95,6 +96,41 @@ def test_a_working_directory_that_takes_no_files_is_one_line(tmp_path, folder):
     assert status != 0
     assert len(lines) == 1, lines
     assert lines[0].startswith(f"{folder}: cannot be written (")
+
+
+@pytest.mark.parametrize("name", ["mines {2019}", "{mine}"])
+def test_a_working_directory_with_braces_is_one_line(tmp_path, name):
+    """Snakemake reads them as a pattern when it looks for locks, and ended in a traceback of 40 lines."""
+    folder = tmp_path / name
+    status, text = snakemake(write_mine(TINY, tmp_path / "mine.yaml"), folder, "--dry-run")
+    lines = [line for line in text.splitlines() if "Using workflow specific profile" not in line]
+    assert status != 0
+    assert lines == [
+        f"{folder}: Snakemake takes braces in the name of a folder for a wildcard; start in another folder, or name "
+        "one with --directory"
+    ]
+
+
+@pytest.mark.parametrize("note", [b"", b"\n", b"\xff\xfe/mine.yaml", b"/gone\0/mine.yaml", None])
+def test_a_note_that_says_nothing_blocks_no_folder(tmp_path, monkeypatch, note):
+    """A full disk left an empty one; None: a folder stands in its place."""
+    monkeypatch.chdir(tmp_path)
+    file = write_mine(TINY, tmp_path / "mine.yaml")
+    (tmp_path / "results/tiny").mkdir(parents=True)
+    NOTES.mkdir(parents=True)
+    if note is None:
+        (NOTES / "tiny").mkdir()
+    else:
+        (NOTES / "tiny").write_bytes(note)
+    check_owner("tiny", file)
+
+
+def test_a_note_is_whole_or_absent(tmp_path, monkeypatch):
+    """Nothing is written in its place before it is whole."""
+    monkeypatch.chdir(tmp_path)
+    with little_room(10), pytest.raises(InputError, match="the disk is full: no room in"):
+        note_owner("tiny", tmp_path / "mine.yaml")
+    assert not list(NOTES.iterdir())
 
 
 def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, monkeypatch):

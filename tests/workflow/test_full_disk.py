@@ -20,6 +20,7 @@ from tiny_mines import ROOT, finished, hashes, snakemake, start
 
 from common.datasets import atomic_path, write_dataset
 from common.errors import InputError
+from workflow.command_line import check_folder
 from workflow.terminal import OneLine
 
 LIMIT = 100_000  # bytes
@@ -127,6 +128,14 @@ def test_snakemakes_own_failure_is_one_line(message, folder, reason):
     assert one.msg.startswith(f"the disk is full: no room in {folder} ({reason})")
     assert "\n" not in one.msg
     assert not terminal.filter(record(message, "error"))
+
+
+def test_a_folder_without_any_room_is_one_line(tmp_path):
+    """Before Snakemake writes its log, whose every lost line was a traceback."""
+    with little_room(1000), pytest.raises(InputError, match=f"the disk is full: no room in {tmp_path} ") as refused:
+        check_folder(tmp_path)
+    assert len(refused.value.lines) == 1
+    check_folder(tmp_path)
 
 
 @pytest.mark.slow
