@@ -318,9 +318,14 @@ class GridCells(GridSettings):
     resized_by: Literal["draft", "fine", "grid_convergence"] | None = None
     """what has made the finest cells larger or smaller than the mine's file says"""
 
+    @property
+    def finest(self) -> float:
+        """Size of the finest cells, m."""
+        return self.coarse_cell / 2 ** (self.levels - 1)
+
     def size_text(self) -> str:
         """Size of the finest cells, and what made it so."""
-        size = f"{self.coarse_cell / 2 ** (self.levels - 1):g} m"
+        size = f"{self.finest:g} m"
         return size + (f" ({RESIZED[self.resized_by]})" if self.resized_by else "")
 
 

@@ -65,10 +65,10 @@ FIELDS = (
     _field("start", "step", "", "first date, ISO, UTC", TEXT),
     _field("end", "step", "", "first date after it", TEXT),
     _field("days", "step", "d", "duration"),
-    _field("mined", "step", "m3", "rock that the step mines, on the grid"),
+    _field("mined", "step", "m3", "rock that the step is the first to mine, on the grid"),
     _field("made_by", "step", "", "digest of states and events of all runs: the same in plans that share it", TEXT),
     _field("opening_step", "opening", "", "step that mines it; empty: mined before the first of them", TEXT),
-    _field("opening_volume", "opening", "m3", "its volume on the grid"),
+    _field("opening_volume", "opening", "m3", "rock that it is the first to mine, on the grid"),
     # hazard
     _field("size_magnitude", "size", "1", "moment magnitude of the class"),
     _field("size_log_potency", "size", LOG_M3, "its potency, by the shear modulus of the host"),

@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 from catalogs.compare.exposure import window
 from catalogs.figures import panels, style, views
 from catalogs.report.text import typeset
+from catalogs.sources.openings import NEVER, Mining
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
 from common.pages import page_templates
@@ -104,6 +105,17 @@ def step_order(plans: Sequence[PlanSummary]) -> list[str]:
     return sorted(start, key=lambda step: start[step])
 
 
+def _first_mined(grid: xr.Dataset, plan: PlanSummary) -> xr.Dataset:
+    """The grid with each part of a cell in the excavation that the plan mines first there."""
+    names, steps = json.loads(grid.attrs["excavation_names"]), list(plan.steps)
+    mined = np.full(len(names), len(steps))
+    for opening in plan.openings:
+        if opening in names:
+            step = plan.mined_in(opening)
+            mined[names.index(opening)] = steps.index(step) if step in steps else -1
+    return Mining.of(grid, mined, np.full(len(names), NEVER)).first_mined(grid)
+
+
 def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
     """Openings of each plan in the colour of the step that mines them, with its largest events, in plan.
 
@@ -123,10 +135,11 @@ def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
 
     for axes, plan, view, (place, size, step) in zip(array, plans, named, events, strict=True):
         mined = {name: plan.mined_in(name) for name in plan.openings}
-        views.draw_excavations(axes, grid, view, [number for number, name in enumerate(names) if name not in mined])
+        as_mined = _first_mined(grid, plan)
+        views.draw_excavations(axes, as_mined, view, [number for number, name in enumerate(names) if name not in mined])
         for one in plan.steps:
             excavations = [names.index(name) for name in mined if mined[name] == one and name in names]
-            corner, edge, share = views.silhouette(grid, view, excavations)
+            corner, edge, share = views.silhouette(as_mined, view, excavations)
             drawn = share >= views.MIN_EXCAVATED_SHARE_DRAWN
             if drawn.any():
                 pale = mpl.colors.to_rgba(colours[one], 0.35)

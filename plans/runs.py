@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.settings import DatedStep
-from catalogs.sources.openings import nearest_opening, volumes_mined
+from catalogs.sources.openings import NEVER, ROCK, Mining, nearest_opening
 from catalogs.sources.sizes import log_potency
 from common.datasets import read_dataset
 from common.errors import InputError
@@ -125,7 +125,8 @@ class Geometry:
     """Openings of a plan on the grid: cells of each, and the index of the step that mines it; -1: before the first.
 
     origin (piece, 3): lower corner, m; edge, m; opening (piece,): index among the plan's openings; mined (opening,);
-    volume (opening,) and step_volume (step,): rock that is mined, m3; where solids overlap it counts once in a step.
+    volume (opening,) and step_volume (step,): rock that each is the first to mine, m3; mining: by excavations of
+    grid.nc; opening_of (excavation,): index among the plan's openings, -1 for none.
     """
 
     origin: NDArray
@@ -134,6 +135,8 @@ class Geometry:
     mined: NDArray
     volume: NDArray
     step_volume: NDArray
+    mining: Mining
+    opening_of: NDArray
 
     @classmethod
     def of(cls, grid: xr.Dataset, openings: Sequence[Opening], steps: Sequence[DatedStep]) -> "Geometry":
@@ -154,22 +157,30 @@ class Geometry:
             index[names.index(opening.name)] = own
         number_of_piece = index[grid["piece_excavation"].values]
         is_mined = number_of_piece >= 0
-        volume = np.array(json.loads(grid.attrs["excavation_volume_grid"]), float)
-        mined = np.array([number.get(opening.step, -1) for opening in openings], int)
+        mined, filled = np.full((2, len(names)), NEVER)
+        for opening in openings:
+            mined[names.index(opening.name)] = number.get(opening.step, -1)
+            if opening.filled is not None:
+                filled[names.index(opening.name)] = number.get(opening.filled, -1)
+        mining = Mining.of(grid, mined, filled)
         grid_index = np.array([names.index(opening.name) for opening in openings], int)
-        by_step = [grid_index[mined == step] for step in range(-1, len(steps))]
+        volume, mined = mining.volumes(ROCK)[grid_index], mined[grid_index]
         return cls(
             grid["piece_origin"].values[is_mined],
             float(grid.attrs["fine_cell"]),
             number_of_piece[is_mined],
             mined,
-            np.array([volume[names.index(opening.name)] for opening in openings]),
-            np.array(volumes_mined(grid, by_step)[1:]),
+            volume,
+            np.array([volume[mined == step].sum() for step in range(len(steps))]),
+            mining,
+            index,
         )
 
     def nearest(self, location: NDArray, step: int) -> NDArray:
         """Index of the opening nearest to each event of a step (event,), of those mined by then; -1 without any."""
-        return nearest_opening(location, self.origin, self.edge, self.opening, self.mined <= step)[0]
+        origin, excavation = self.mining.cells_open(step)
+        is_open = np.ones(len(self.mined), bool)
+        return nearest_opening(location, origin, self.edge, self.opening_of[excavation], is_open)[0]
 
     def distances(self, location: NDArray, step: int, farthest: float) -> NDArray:
         """Distance of each event of a step from each opening (event, opening), m; inf beyond `farthest`, and for

@@ -76,6 +76,8 @@ class Opening(Settings):
     name: str
     step: str = ""
     """the dated step that mines it; empty: mined before the first of them"""
+    filled: str | None = None
+    """the dated step that fills it; empty: filled before the first of them; None: not filled"""
 
 
 class RunFiles(Settings):

@@ -271,7 +271,7 @@ def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Open
     """A solid from a file as it is at this time: box, sides along its own axes, volume. Its warnings are the grid's."""
     from mpm_core.geometry.solid_files import Picked, read_solid
 
-    with _quiet():
+    with quiet():
         solid = read_solid(path, name, Picked.of(dict(picked)))
     lower, upper = solid.bounds
     points = solid.vertices[np.unique(solid.facets)] - solid.bounds.mean(axis=0)
@@ -284,11 +284,11 @@ def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Open
 
 def _prisms(mine: Mine, where: str, solid: SolidSettings) -> list[Shape]:
     """A prism for each outline of a drawing; holes in them count as mined."""
-    with _quiet():
+    with quiet():
         return prisms_of(solid.model_copy(update={"file": mine.path(solid.file).as_posix()}), where)
 
 
-class _quiet:
+class quiet:
     """Warnings of reading are given where the grid is made."""
 
     def __enter__(self):

@@ -204,12 +204,17 @@ class Mine(MineConfiguration):
         }
 
     def mined_openings(self) -> list[dict]:
-        """Excavations that are mined, each with the dated step that mines it; empty: before the first of them."""
-        return [
-            {"name": entry.name, "step": entry.step if entry.step in self.dated_steps else ""}
-            for entry in self.excavations
-            if self.step_index(entry.step) >= 0
-        ]
+        """Excavations that are mined, each with the dated steps that mine and fill it; empty: before the first of them;
+        without `filled` where none does."""
+        openings = []
+        for entry in self.excavations:
+            if self.step_index(entry.step) >= 0:
+                when = {"step": entry.step}
+                if entry.fill_material is not None and self.step_index(entry.fill_step) >= 0:
+                    when["filled"] = entry.fill_step
+                dated = {key: step if step in self.dated_steps else "" for key, step in when.items()}
+                openings.append({"name": entry.name, **dated})
+        return openings
 
     def report_slice(self) -> dict:
         """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress."""

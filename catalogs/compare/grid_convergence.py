@@ -74,10 +74,10 @@ def compare_cells(
     for name in ("potency", "failed_volume"):
         meaning = f"uncertainty of {name} as a share of it"
         data[f"{name}_error"] = ("period", share_off(*table[name]), {"units": "1", "long_name": meaning})
-    columns = (json.loads(coarse_grid[f"excavation_{key}"]) for key in ("names", "volume_grid", "whole_share"))
-    excavations, least = list(zip(*columns, strict=True)), coarse_grid["narrow_whole_share"]
-    left_out = [name for name, volume, _ in excavations if not volume > 0.0]
-    narrow = [name for name, volume, share in excavations if volume > 0.0 and share < least]
+    names, volumes, narrow = (
+        json.loads(coarse_grid[f"excavation_{key}"]) for key in ("names", "volume_grid", "narrow")
+    )
+    left_out = [name for name, volume in zip(names, volumes, strict=True) if not volume > 0.0]
     return xr.Dataset(
         data,
         coords={

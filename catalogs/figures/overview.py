@@ -17,6 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from catalogs.figures import panels, style, views
 from catalogs.settings import MinedStep
+from catalogs.sources.openings import NEVER, Mining
 from common.datasets import atomic_path
 
 MARGIN_SHARE = 0.02  # Margin around the domain, as a share of its longest side.
@@ -50,6 +51,10 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
     number = {name: index for index, name in enumerate(names)}
     mined = [[number[name] for name in step.excavations] for step in steps]
     planned = sorted(set(range(len(names))) - {number for numbers in mined for number in numbers})
+    when = np.full(len(names), len(steps))  # what is planned comes last
+    for order, numbers in enumerate(mined):
+        when[numbers] = order
+    grid = Mining.of(grid, when, np.full(len(names), NEVER)).first_mined(grid)
     dated = [step.dated for step in steps]
     colours = [
         colour if flag else HISTORY_COLOUR for colour, flag in zip(style.step_colours(dated), dated, strict=True)

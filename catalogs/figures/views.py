@@ -103,7 +103,8 @@ def frame_limits(
 
 
 def piece_centres(grid: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Middle (piece, xyz) of every finest cell that an excavation takes a part of, and its volume (piece,), m3 (m2)."""
+    """Middle (piece, xyz) of every finest cell that an excavation takes a part of, and the part as a weight (piece,):
+    its share of the undistorted cell, m3 (m2)."""
     corners = piece_corners(grid)
     pieces = len(corners) // 2
     volume = grid["piece_fraction"].values * float(grid.attrs["fine_cell"]) ** int(grid.attrs["dimension"])

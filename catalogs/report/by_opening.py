@@ -33,7 +33,8 @@ class Near:
 
 @dataclass(frozen=True)
 class OpeningRow:
-    """An opening, its step, its volume on the grid (m3), and the events nearest to it: modelled, recorded if any."""
+    """An opening, its step, the rock that it is the first to mine (m3), and the events nearest to it: modelled, and
+    recorded if there are any."""
 
     name: str
     step: str
@@ -55,20 +56,17 @@ def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDAr
         start, end = window(step)
         time = events["time"].values
         own[(own < 0) & (time >= start) & (time < end)] = order[step["step"]]
-    # openings without a date are mined before the first step
-    mined = np.array([-1 if not one.planned else len(order) for one in evidence.excavations], int)
-    for index, one in enumerate(evidence.excavations):
-        mined[index] = order.get(one.step, mined[index])
-    grid, axes = evidence.grid, axes_of(evidence.grid)
+    axes = axes_of(evidence.grid)
     found, distance = np.full(len(own), -1), np.full(len(own), np.nan)
     for step in np.unique(own[own >= 0]):
         here = own == step
+        origin, opening = evidence.mining.cells_open(step)
         found[here], distance[here] = nearest_opening(
             events["location"].values[here][:, axes],
-            grid["piece_origin"].values[:, axes],
-            float(grid.attrs["fine_cell"]),
-            grid["piece_excavation"].values,
-            mined <= step,
+            origin[:, axes],
+            float(evidence.grid.attrs["fine_cell"]),
+            opening,
+            np.ones(evidence.mining.count, bool),
         )
     return found, distance
 
@@ -86,8 +84,8 @@ def opening_rows(evidence: Evidence, catalogues: list[xr.Dataset], counted: list
     rows = []
     for index, excavation in enumerate(evidence.excavations):
         if any((opening == index).any() for opening, _, _ in sides):
-            near = tuple(_near(side, side[0] == index, excavation.drawn) for side in sides)
-            rows.append(OpeningRow(excavation.name, excavation.step, excavation.drawn, near))
+            near = tuple(_near(side, side[0] == index, excavation.mined) for side in sides)
+            rows.append(OpeningRow(excavation.name, excavation.step, excavation.mined, near))
     return rows
 
 

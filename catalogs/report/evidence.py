@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import xarray as xr
 
 from catalogs.report.text import whole
 from catalogs.settings import InsituStress, ReportSlice, Scheduled
+from catalogs.sources.openings import FILL, NEVER, ROCK, Mining
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import UNDATED, check_events
@@ -29,10 +30,18 @@ MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
 
+CELLS_ACROSS_FILL = 4  # Fill holds the walls of an opening that stood open and has so many cells across.
+
+
 @dataclass(frozen=True)
 class ExcavationRow:
-    """One row of the config's excavations with the grid's numbers, NaN where not known: volumes in m3; whole: share
-    of its volume in cells that are mined wholly; open: share that hangs on how its surface is closed."""
+    """One row of the config's excavations with the grid's numbers, NaN where not known.
+
+    Volumes in m3: solid and drawn, of the solid and of the same on the grid; mined: of rock that it is the first to
+    mine, all of a planned one that no other mines; fill_mined: of fill that it mines again. across: cells across it;
+    needed: how many it needs there; narrow: whether it has fewer; open: share that hangs on how its surface is closed;
+    unheld: nodes at which its fill does not hold the walls.
+    """
 
     name: str
     step: str
@@ -42,8 +51,13 @@ class ExcavationRow:
     drawn: float
     planned: bool
     dated: bool
-    whole: float = np.nan
+    mined: float = np.nan
+    fill_mined: float = 0.0
+    across: float = np.nan
+    needed: float = np.nan
+    narrow: bool = False
     open: float = np.nan
+    unheld: int = 0
 
     @property
     def filled_at_once(self) -> bool:
@@ -63,8 +77,10 @@ class Evidence:
     """Everything that the report shows.
 
     config, default: the mine's configuration as written, and the defaults; listed: when its excavations are mined and
-    filled; grid: on the cells of `state`; stages: elastic, then the steps in order, each with its convergence table and
-    attributes only, among them the dates of a step from its file of events; state: STATE_VARIABLES of the last stage;
+    filled; grid: on the cells of `state`, each part of a cell in the excavation that is the first to mine it; mining:
+    what each excavation mines, by the places of `steps`; stages: elastic, then the steps in order, each with its
+    convergence table and attributes only, among them the dates of a step from its file of events; state:
+    STATE_VARIABLES of the last stage;
     catalog, record, comparison, spread, closeness, grid_convergence, forecast_scores: the datasets of these names, None
     where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs; insitu: stress before
     mining.
@@ -74,6 +90,7 @@ class Evidence:
     default: dict | None
     listed: list[Scheduled]
     grid: xr.Dataset
+    mining: Mining
     stages: list[xr.Dataset]
     state: xr.Dataset | None
     catalog: xr.Dataset | None
@@ -90,7 +107,7 @@ class Evidence:
     @property
     def steps(self) -> list[dict]:
         """Attributes of the mining steps, in order."""
-        return [stage.attrs for stage in self.stages if stage.attrs["stage"] == "step"]
+        return _steps_of(self.stages)
 
     @property
     def dated(self) -> list[dict]:
@@ -113,25 +130,10 @@ class Evidence:
 
     @property
     def excavations(self) -> list[ExcavationRow]:
-        """Excavations in the grid's order; planned: not mined by any stage of the run.
-
-        Without steps only the elastic stage is there, which mines what has no date: the history.
-        """
-        names = json.loads(self.grid.attrs["excavation_names"])
-        wanted = {row.name: row for row in self.listed}
-        run = {step["step"]: bool(int(step["dated"])) for step in self.steps}
-        undated = [str(step["name"]) for step in self.config.get("steps") or [] if not step.get("start")]
-        mined = run or dict.fromkeys(["history", *undated], False)
-        keys = ("excavation_volume", "excavation_volume_grid", "excavation_whole_share", "excavation_open_share")
-        numbers = [_by_name(self.grid.attrs.get(key), names) for key in keys]
-        rows = []
-        for index, name in enumerate(names):
-            row = wanted.get(name, Scheduled(name=name))
-            planned, dated = name in wanted and row.step not in mined, run.get(row.step, False)
-            when = (name, row.step, row.fill, row.filled or row.step)
-            solid, drawn, *shares = (known[index] for known in numbers)
-            rows.append(ExcavationRow(*when, solid, drawn, planned, dated, *shares))
-        return rows
+        """Excavations in the grid's order; planned: not mined by any stage of the run."""
+        rows = _schedule(self.grid, self.stages, self.config, self.listed)
+        mined, again = (self.mining.volumes(kind).tolist() for kind in (ROCK, FILL))
+        return [replace(row, mined=rock, fill_mined=fill) for row, rock, fill in zip(rows, mined, again, strict=True)]
 
     @property
     def planned(self) -> list[int]:
@@ -174,11 +176,14 @@ def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | o
     for stage in stages:
         stage.attrs = UNDATED | stage.attrs | dates.get(stage.attrs["step"], {})
     config, excavations = settings.config, settings.excavations
+    listed = _scheduled(config.get("excavations") or []) if excavations is None else list(excavations)
+    mining = _mining(grid, _schedule(grid, stages, config, listed), _steps_of(stages))
     return Evidence(
         config=config,
         default=settings.default,
-        listed=_scheduled(config.get("excavations") or []) if excavations is None else list(excavations),
-        grid=grid,
+        listed=listed,
+        grid=mining.first_mined(grid),
+        mining=mining,
         stages=stages,
         state=state,
         **{name: read(paths.get(name), check=name in EVENT_FILES) for name in DATASETS},
@@ -192,6 +197,64 @@ def on_cells_of(grid: xr.Dataset, state: xr.Dataset) -> xr.Dataset:
     """The grid's excavations with the cells of a state, which a step may have split."""
     own = [name for name, variable in grid.variables.items() if {"cell", "node"} & set(variable.dims)]
     return grid.drop_vars(own).assign({name: state[name] for name in CELL_VARIABLES})
+
+
+def _steps_of(stages: list[xr.Dataset]) -> list[dict]:
+    """Attributes of the mining steps among stages, in order."""
+    return [stage.attrs for stage in stages if stage.attrs["stage"] == "step"]
+
+
+def _schedule(grid: xr.Dataset, stages: list[xr.Dataset], config: dict, listed: list[Scheduled]) -> list[ExcavationRow]:
+    """Rows of the excavations in the grid's order, without what each mines; arguments as in Evidence.
+
+    Without steps only the elastic stage is there, which mines what has no date: the history.
+    """
+    names = json.loads(grid.attrs["excavation_names"])
+    wanted, steps = {row.name: row for row in listed}, _steps_of(stages)
+    run = {step["step"]: bool(int(step["dated"])) for step in steps}
+    undated = [str(step["name"]) for step in config.get("steps") or [] if not step.get("start")]
+    mined = run or dict.fromkeys(["history", *undated], False)
+    keys = ("volume", "volume_grid", "cells_across", "cells_needed", "open_share")
+    numbers = [_by_name(grid.attrs.get(f"excavation_{key}"), names) for key in keys]
+    narrow = json.loads(grid.attrs.get("excavation_narrow", "[]"))
+    unheld = json.loads(steps[-1].get("unheld_fill", "{}")) if steps else {}
+    rows = []
+    for index, name in enumerate(names):
+        row = wanted.get(name, Scheduled(name=name))
+        planned, dated = name in wanted and row.step not in mined, run.get(row.step, False)
+        when = (name, row.step, row.fill, row.filled or row.step)
+        solid, drawn, across, needed, open_share = (known[index] for known in numbers)
+        rows.append(
+            ExcavationRow(
+                *when,
+                solid,
+                drawn,
+                planned,
+                dated,
+                across=across,
+                needed=needed,
+                narrow=name in narrow,
+                open=open_share,
+                unheld=_unheld(across, unheld.get(name, 0)),
+            )
+        )
+    return rows
+
+
+def _unheld(across: float, nodes: int) -> int:
+    """Nodes at which fill does not hold walls, in an opening so narrow that they are not those of its edges alone."""
+    return nodes if not round(across, 1) >= CELLS_ACROSS_FILL else 0
+
+
+def _mining(grid: xr.Dataset, rows: list[ExcavationRow], steps: list[dict]) -> Mining:
+    """What excavations mine, by the places of these steps; before the first of them: -1; planned ones come last."""
+    place = {step["step"]: number for number, step in enumerate(steps)}
+    mined = [len(steps) if row.planned else place.get(row.step, -1) for row in rows]
+    filled = [
+        NEVER if row.fill == "none" or row.planned else when if row.filled_at_once else place.get(row.filled, NEVER)
+        for row, when in zip(rows, mined, strict=True)
+    ]
+    return Mining.of(grid, np.array(mined, int), np.array(filled, int))
 
 
 def _scheduled(entries: list[dict]) -> list[Scheduled]:

@@ -1,13 +1,100 @@
-"""Openings on the grid: which is nearest to an event, of those that are mined when it happens, and the rock mined."""
+"""Openings on the grid: which is nearest to an event, of those that are mined when it happens, and what each mines.
 
-from collections.abc import Sequence
+Where solids overlap, the first step that mines the rock mines it; of one step, the excavation that comes first in
+grid.nc. Fill is mined again by a later excavation. What stands open already is not mined. The mechanics follow the same
+order (mpm_core/model/occupancy.py).
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from common.errors import InputError
+
 NEIGHBOURS = 16  # Cells, nearest by their centres, among which the nearest by its sides is looked for.
+NEVER = 1 << 30  # Place in the order of steps of what no step does.
+NOTHING, ROCK, FILL = range(3)  # What an excavation mines of one of its pieces.
+
+
+@dataclass(frozen=True)
+class Mining:
+    """Which excavation mines which part of which cell, by the pieces of grid.nc.
+
+    origin (piece, xyz): lower corner of the cell, m; excavation (piece,); step (piece,): place in the order of steps;
+    takes (piece,): NOTHING, ROCK or FILL; until (piece,): step in which another excavation mines fill there, or NEVER;
+    volume (piece,) m3; count: number of excavations.
+    """
+
+    origin: NDArray
+    excavation: NDArray
+    step: NDArray
+    takes: NDArray
+    until: NDArray
+    volume: NDArray
+    count: int
+
+    @classmethod
+    def of(cls, grid: xr.Dataset, mined: NDArray, filled: NDArray) -> "Mining":
+        """What is mined where each excavation is mined and filled in these steps, (excavation,), NEVER for none.
+
+        Raises InputError for a grid of an earlier version.
+        """
+        if "piece_volume" not in grid:
+            raise InputError("grid.nc was made by an earlier version; delete it and run again")
+        part, excavation = _parts_of(grid), grid["piece_excavation"].values.astype(np.int64)
+        state, last = np.full(part.max(initial=-1) + 1, ROCK), np.full(part.max(initial=-1) + 1, -1)
+        takes, until = np.full(len(part), NOTHING), np.full(len(part), NEVER)
+        mined, filled = np.asarray(mined, np.int64), np.asarray(filled, np.int64)
+        for step in np.unique(np.concatenate([mined, filled])):
+            if step == NEVER:
+                continue
+            own = np.flatnonzero(mined[excavation] == step)
+            own = own[np.argsort(excavation[own], kind="stable")]
+            own = own[np.unique(part[own], return_index=True)[1]]  # of each part the first excavation
+            own = own[state[part[own]] != NOTHING]
+            takes[own] = state[part[own]]
+            again = last[part[own]]
+            until[again[again >= 0]] = step
+            state[part[own]], last[part[own]] = NOTHING, own
+            placed = part[filled[excavation] == step]
+            state[placed[state[placed] == NOTHING]] = FILL
+        volume = grid["piece_volume"].values
+        return cls(grid["piece_origin"].values, excavation, mined[excavation], takes, until, volume, len(mined))
+
+    def volumes(self, kind: int) -> NDArray:
+        """Volume that each excavation mines of a kind, ROCK or FILL, (excavation,) m3."""
+        return np.bincount(self.excavation, np.where(self.takes == kind, self.volume, 0.0), minlength=self.count)
+
+    def cells_open(self, step: int) -> tuple[NDArray, NDArray]:
+        """Cells that excavations have mined a part of up to a step: lower corners (cell, xyz) m, and of each the
+        excavation (cell,) that mined there last; a cell may have several."""
+        own = np.flatnonzero((self.takes != NOTHING) & (self.step <= step) & (self.until > step))
+        origin, excavation = self.origin[own], self.excavation[own]
+        same = (origin[1:] == origin[:-1]).all(axis=1) & (excavation[1:] == excavation[:-1])
+        first = np.append(True, ~same)[: len(own)]
+        return origin[first], excavation[first]
+
+    def first_mined(self, grid: xr.Dataset) -> xr.Dataset:
+        """The grid with the pieces that their excavations mine as rock only, so that each part of a cell is in one."""
+        return grid.isel(piece=np.flatnonzero(self.takes == ROCK))
+
+
+def _parts_of(grid: xr.Dataset) -> NDArray:
+    """Number of the part of a cell that each piece is, (piece,): one for pieces of several excavations that overlap."""
+    corner, edge = np.asarray(grid.attrs["domain_lower"]), float(grid.attrs["fine_cell"])
+    cell = np.rint((grid["piece_origin"].values - corner) / edge).astype(np.int64)
+    if not len(cell):
+        return np.empty(0, np.int64)
+    code = np.ravel_multi_index(cell.T, cell.max(axis=0) + 1)
+    samples = grid["piece_samples"].values
+    order = np.lexsort((samples, code))
+    other = (np.diff(code[order]) != 0) | (samples[order][1:] != samples[order][:-1])
+    part = np.empty(len(order), np.int64)
+    part[order] = np.append(0, np.cumsum(other))
+    return part
 
 
 def nearest_opening(
@@ -36,25 +123,3 @@ def nearest_opening(
     best = distance.argmin(axis=1)
     row = np.arange(len(points))
     return opening[mined[near[row, best]]], distance[row, best]
-
-
-def volumes_mined(grid: xr.Dataset, steps: Sequence[Sequence[int]]) -> list[float]:
-    """Volume that each step mines, m3; steps: indices of the excavations that each mines, in order.
-
-    Where solids overlap it counts once, in the step that comes first; fill that is mined again is no rock.
-    """
-    lower, upper, edge = (np.asarray(grid.attrs[name]) for name in ("domain_lower", "domain_upper", "fine_cell"))
-    cell, end = (np.rint((corner - lower) / edge).astype(np.int64) for corner in (grid["piece_origin"].values, upper))
-    _, place = np.unique(np.ravel_multi_index(cell.T, end + 1), return_inverse=True)
-    # Each bit is a point of the cell, inside the excavation or not.
-    samples, excavation = grid["piece_samples"].values, grid["piece_excavation"].values
-    points = 8 * samples.dtype.itemsize
-    gone, found = np.zeros(len(place), samples.dtype), []
-    volume = float(edge) ** int(grid.attrs["dimension"]) * float(grid.attrs["thickness"])
-    for wanted in steps:
-        own = np.flatnonzero(np.isin(excavation, wanted))
-        here = np.unique(place[own])
-        before = gone[here]
-        np.bitwise_or.at(gone, place[own], samples[own])
-        found.append(float(np.bitwise_count(gone[here] & ~before).sum()) / points * volume)
-    return found

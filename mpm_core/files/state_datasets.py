@@ -55,10 +55,17 @@ FIELDS = _table(
         "place of each node",
     ),
     Field("node_parents", ("node", "parent"), np.int32, "1", "a hanging node moves with the mean of these, -1 none"),
-    Field("piece_origin", ("piece", "xyz"), np.float64, "m", "lower corner of each finest cell inside an excavation"),
+    Field("piece_origin", ("piece", "xyz"), np.float64, "m", "lower corner of a finest cell, partly in an excavation"),
     Field("piece_excavation", ("piece",), np.int16, "1", "index of that excavation"),
-    Field("piece_samples", ("piece",), np.uint64, "1", "64 points of the cell, one bit each: inside or not"),
-    Field("piece_fraction", ("piece",), np.float64, "1", "share of these points that are inside"),
+    Field(
+        "piece_samples",
+        ("piece",),
+        np.uint64,
+        "1",
+        "64 points of the cell, one bit each, those of the part: two parts of a cell have the same or none in common",
+    ),
+    Field("piece_fraction", ("piece",), np.float64, "1", "share of these points that are of the part"),
+    Field("piece_volume", ("piece",), np.float64, "m3", "volume of the part, in the cell as moved nodes distort it"),
     Field("edge_node_place", ("edge_node", "xyz"), np.float64, "m", "place of each node that is moved onto an edge"),
     Field("edge_node_shift", ("edge_node", "xyz"), np.float64, "m", "how far it is moved"),
     # elastic.nc and steps/<step>.nc
@@ -172,11 +179,13 @@ def grid_dataset(
     grid: MultiLevelGrid,
     body: np.ndarray,
     pieces: FinestPieces,
+    volume: np.ndarray,
     edge_nodes: EdgeNodes,
     plane: str | None,
     attributes: dict,
 ) -> xr.Dataset:
-    """The dataset of grid.nc. attributes: excavation names and volumes, thickness, provenance."""
+    """The dataset of grid.nc. pieces: divided where excavations overlap, with their volumes (piece,) m3; attributes:
+    excavation names and volumes, thickness, provenance."""
     axes = PLANES[plane]
     distorted = distorted_cells(grid, edge_nodes.place, edge_nodes.shift)
     values = _cells(grid, distorted, body, axes) | {
@@ -184,6 +193,7 @@ def grid_dataset(
         "piece_excavation": pieces.excavation,
         "piece_samples": pieces.samples,
         "piece_fraction": np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL,
+        "piece_volume": volume,
         "edge_node_place": embed(grid.origin + edge_nodes.place * grid.fine_cell, axes),
         "edge_node_shift": embed(edge_nodes.shift * grid.fine_cell, axes),
     }
@@ -223,8 +233,10 @@ def read_origin(dataset: xr.Dataset) -> tuple[np.ndarray, float]:
 
 
 def read_pieces(dataset: xr.Dataset) -> FinestPieces:
-    """The parts of finest cells that excavations remove, from the dataset of grid.nc."""
-    return FinestPieces(_index(dataset, "piece_origin"), dataset.piece_excavation.values, dataset.piece_samples.values)
+    """The parts of finest cells that excavations remove, from the dataset of grid.nc: one for each excavation and
+    cell."""
+    places = _index(dataset, "piece_origin")
+    return FinestPieces(places, dataset.piece_excavation.values, dataset.piece_samples.values).together()
 
 
 def read_edge_nodes(dataset: xr.Dataset) -> EdgeNodes:

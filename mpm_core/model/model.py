@@ -15,7 +15,7 @@ from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_cells, mark_corners
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
 from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, step_stiffness, volumes
-from mpm_core.model.phantom_nodes import PhantomNodes, with_phantom_nodes
+from mpm_core.model.phantom_nodes import NO_CELL, with_phantom_nodes, without_phantom_nodes
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
 from mpm_core.model.unsupported import find_unsupported
@@ -55,7 +55,7 @@ class Model:
     plain: MultiLevelGrid
     """the grid with one node at each place; the same one if there are no phantom nodes"""
     severed: np.ndarray
-    unheld: int
+    unheld: np.ndarray
     """see phantom_nodes.PhantomNodes"""
 
     @property
@@ -168,6 +168,19 @@ class Model:
         mark_cells(self.plain.vtk_nodes, filled, touching)
         return touching
 
+    def unheld_fill(self, step: int) -> dict[str, int]:
+        """Fill that does not hold the walls between which it lies once `step` is mined and filled: number of nodes at
+        which it does not, by name of the excavation."""
+        now, found = self.changes.until(step, owned_by_rock=False), {}
+        for number in np.unique(self.changes.owner[now[np.isin(self.changes.cell[now], self.unheld)]]):
+            own = now[self.changes.owner[now] == number]
+            samples = np.zeros(len(self.cell_nodes), np.uint64)
+            np.bitwise_xor.at(samples, self.changes.cell[own], self.changes.samples[own])
+            at_node = (samples != NO_SAMPLES)[self.unheld] & (self.unheld != NO_CELL)
+            if places := int(np.count_nonzero(at_node.any(axis=1))):
+                found[self.scene.excavations[number].name] = places
+        return found
+
     def rock_share(self, step: int) -> np.ndarray:
         """Share of each cell's volume that is rock once `step` is mined, (cell,)."""
         rock, distorted = self.changes.rock_samples(len(self.cell_nodes), step), self.particles.distorted
@@ -261,7 +274,7 @@ def build_model(
     particles = seed(grid, body, changes, scene, pieces, distorted or DistortedCells.none(grid.dimension))
     if grid.phantoms:  # of the step before
         grid = with_leaves(grid, grid.cell_index, grid.cell_level)
-    phantom_nodes = PhantomNodes(grid, np.empty((0, 3), np.int64), 0)
+    phantom_nodes = without_phantom_nodes(grid)
     at = step if at is None else at
     if scene.cut_cells == "mean":
         particles = at_step(particles, changes, at, grid)

@@ -5,7 +5,7 @@ in all that stands open within its excavation's solid, whichever excavation open
 falls.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -49,8 +49,37 @@ class FinestPieces:
     def and_then(self, other: "FinestPieces") -> "FinestPieces":
         """These, and others behind them, in the order of excavations."""
         both = FinestPieces.all_of([self, other], self.place.shape[1])
-        order = np.argsort(both.excavation, kind="stable")
-        return FinestPieces(both.place[order], both.excavation[order], both.samples[order])
+        return both._of(np.argsort(both.excavation, kind="stable"))
+
+    def apart(self) -> "FinestPieces":
+        """The same parts of cells, divided where excavations overlap: two pieces of one cell then have the same samples
+        or none in common. Divisions of a piece stand one after another, in its place."""
+        lowest = self.place.min(axis=0, initial=0)
+        shape = tuple(self.place.max(axis=0, initial=0) - lowest + 1)
+        code = np.ravel_multi_index(tuple((self.place - lowest).T), shape)
+        _, cell, count = np.unique(code, return_inverse=True, return_counts=True)
+        order = np.argsort(cell, kind="stable")
+        number = np.empty(len(cell), np.int64)  # of a piece among those of its cell
+        number[order] = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
+        row, samples = np.arange(len(cell)), self.samples
+        for divider in range(count.max(initial=1) if count.max(initial=1) > 1 else 0):
+            inside, own = np.zeros(len(count), np.uint64), number == divider
+            inside[cell[own]] = self.samples[own]
+            inside = inside[cell[row]]
+            divided = np.stack([samples & inside, samples & ~inside], axis=1).ravel()
+            row, samples = np.repeat(row, 2)[divided != 0], divided[divided != 0]
+        return FinestPieces(self.place[row], self.excavation[row], samples)
+
+    def together(self) -> "FinestPieces":
+        """One piece for each excavation and cell, of pieces of which those divisions stand one after another."""
+        same = (self.place[1:] == self.place[:-1]).all(axis=1) & (self.excavation[1:] == self.excavation[:-1])
+        first = np.flatnonzero(np.append(True, ~same)[: len(self.place)])
+        whole = self._of(first)
+        return whole if not len(first) else replace(whole, samples=np.bitwise_or.reduceat(self.samples, first))
+
+    def _of(self, chosen: np.ndarray) -> "FinestPieces":
+        """The chosen pieces, indices, in this order."""
+        return FinestPieces(self.place[chosen], self.excavation[chosen], self.samples[chosen])
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,9 @@ class PhantomNodes(NamedTuple):
     severed: np.ndarray
     """(pair, 3) int64: a node, a cell that stands at its place and has another node there, that corner of the cell (bit
     order)"""
-    unheld: int
-    """places where fill lies between walls that were apart before it was placed: it does not hold them"""
+    unheld: np.ndarray
+    """(place, 2^d) int64: cells, else NO_CELL, whose fill lies between walls that were apart before it was placed: it
+    does not hold them there"""
 
 
 def with_phantom_nodes(grid: MultiLevelGrid, changes: Changes, step: int) -> PhantomNodes:
@@ -43,7 +44,7 @@ def with_phantom_nodes(grid: MultiLevelGrid, changes: Changes, step: int) -> Pha
 
     Nodes stay one at the border, where cells are not of the finest size and where a node hangs.
     """
-    whole = PhantomNodes(grid, np.empty((0, 3), np.int64), 0)
+    whole = without_phantom_nodes(grid)
     done = changes.step <= step
     octants = _octants(grid, changes.cell[done])
     if not len(octants):
@@ -81,7 +82,12 @@ def with_phantom_nodes(grid: MultiLevelGrid, changes: Changes, step: int) -> Pha
         row, octant = np.nonzero((number != group) & (more >= group)[:, None])
         node = own[row] if group == 0 else first[row] + group - 1
         pairs.append(np.stack([node, octants[row, octant], corner[octant]], axis=1))
-    return PhantomNodes(parted, np.concatenate(pairs), _unheld(number, now))
+    return PhantomNodes(parted, np.concatenate(pairs), _unheld(octants, number, now))
+
+
+def without_phantom_nodes(grid: MultiLevelGrid) -> PhantomNodes:
+    """A grid of which no node is divided."""
+    return PhantomNodes(grid, np.empty((0, 3), np.int64), np.empty((0, 1 << grid.dimension), np.int64))
 
 
 def _octants(grid: MultiLevelGrid, mined: np.ndarray) -> np.ndarray:
@@ -106,14 +112,17 @@ def _octants(grid: MultiLevelGrid, mined: np.ndarray) -> np.ndarray:
     return octants[(octants != NO_CELL).all(axis=1)]
 
 
-def _unheld(number: np.ndarray, now: np.ndarray) -> int:
-    """Places at which what hangs together now has several nodes; number, now (node, 2^d)."""
-    several = np.zeros(len(number), bool)
+def _unheld(octants: np.ndarray, number: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """Cells (place, 2^d), else NO_CELL, of what hangs together now and has several nodes; octants, number, now (node,
+    2^d)."""
+    several = np.zeros(number.shape, bool)
     for group in range(number.shape[1]):
         among = now == group
         least = np.where(among, number, number.shape[1]).min(axis=1)
-        several |= np.where(among, number, -1).max(axis=1) > least
-    return int(np.count_nonzero(several))
+        apart = np.where(among, number, -1).max(axis=1) > least
+        several |= among & apart[:, None]
+    places = several.any(axis=1)
+    return np.where(several[places], octants[places], NO_CELL)
 
 
 @njit(cache=True)

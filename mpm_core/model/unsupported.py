@@ -21,6 +21,7 @@ import scipy  # imports its parts as they are used, which small stages would wai
 
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.grid.distorted_cells import DistortedCells
 from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Unsupported
 from mpm_core.model.rigid_motions import free_motions
@@ -219,14 +220,19 @@ def find_unsupported(
 
 
 def describe_unsupported(
-    grid: MultiLevelGrid, unsupported: Unsupported, step: int, thickness: float, axes: tuple[int, ...]
+    grid: MultiLevelGrid,
+    distorted: DistortedCells,
+    unsupported: Unsupported,
+    step: int,
+    thickness: float,
+    axes: tuple[int, ...],
 ) -> dict:
     """Facts of the pieces that a step leaves unsupported: how many, volume m3, and where the largest is."""
     now = np.flatnonzero(unsupported.step == step)
     if not len(now):
         return {"loose_pieces": 0, "loose_volume": 0.0, "loose_where": ""}
     cell, piece = unsupported.cell[now], unsupported.piece[now]
-    volume = np.bitwise_count(unsupported.samples[now]) / SAMPLES_PER_CELL * grid.cell_size[cell] ** grid.dimension
+    volume = distorted.part_volumes(cell, unsupported.samples[now]) * grid.cell_size[cell] ** grid.dimension
     size = np.bincount(piece, volume)
     center = np.stack([np.bincount(piece, volume * along) / size for along in grid.cell_center[cell].T], axis=1)
     names = ", ".join("xyz"[axis] for axis in axes)

@@ -30,7 +30,7 @@ def read_solids(
     for entry in (SolidSettings.of(one, section) for one in entries):
         where = f"{section}.{entry.name}"
         try:
-            solid = _read(entry, dimension, where)
+            solid = read_entry(entry, dimension, where)
         except InputError as error:
             if str(error).startswith((f"{where}.", f"{where}: ")):
                 raise
@@ -40,7 +40,7 @@ def read_solids(
     return solids
 
 
-def _read(entry: SolidSettings, dimension: int, where: str) -> Solid:
+def read_entry(entry: SolidSettings, dimension: int, where: str) -> Solid:
     """The solid of an entry. Raises InputError."""
     if not entry.file:
         return solid_of(shape_of(entry.given(), dimension, where), dimension, entry.name)

@@ -1,5 +1,6 @@
 """The elastic history and a mining step, as a rule runs them."""
 
+import json
 import logging
 import sys
 from collections.abc import Callable
@@ -195,7 +196,10 @@ def finish(
         "collapsed": int(collapsed),
         **truncation(model, state, volume, stage),
         **failed_at_boundary(model, state, volume),
-        **describe_unsupported(model.grid, model.unsupported, step, scene.thickness, scene.axes),
+        **describe_unsupported(
+            model.grid, model.particles.distorted, model.unsupported, step, scene.thickness, scene.axes
+        ),
+        "unheld_fill": json.dumps(model.unheld_fill(step)),
     }
     return state_dataset(model, state, model.material_volumes(step), rating, table, facts), facts
 

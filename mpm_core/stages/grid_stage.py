@@ -2,8 +2,9 @@
 
 The walls of an opening that is narrow for its cells close too little (an under-resolved opening). Walls in different
 cells have nodes of their own (model/phantom_nodes.py). But rock on both sides of an opening within one cell is tied
-together, and an edge without a node of its own (grid/edge_nodes.py) ties two walls. The share of an opening's volume in
-cells that are mined wholly measures it (`whole_shares`); study openings shows the effect of that share.
+together, and an edge without a node of its own (grid/edge_nodes.py) ties two walls. The cells across an opening tell
+which are narrow, wherever they lie on the grid (geometry/thickness.py). A scene is refused by the share of the openings
+in cells that are mined wholly (`whole_shares`); study openings shows the effect of that share.
 """
 
 import json
@@ -17,6 +18,7 @@ from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.geometry.crossing import in_box
 from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, SAMPLES_PER_CELL, classify_cells, contains, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
+from mpm_core.geometry.thickness import Across, cells_across
 from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.distorted_cells import distorted_shapes, fullest_samples, part_integrals, points_with_volume
 from mpm_core.grid.domain import Domain, base_cells
@@ -28,8 +30,6 @@ from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.settings import GridCells, GridSlice
 from mpm_core.stages.stage_memory import require, stage_bytes
 
-# An opening is under-resolved if a smaller share of its volume is in whole cells. Too little rock then fails around it.
-MIN_WHOLE_CELL_SHARE = 0.3
 # A scene is refused if a smaller share of the volume of all openings, or of one, is in whole cells. Rock in partly
 # mined cells then decides where the other rock breaks.
 MIN_WHOLE_CELL_SHARE_ACCEPTED = 0.05
@@ -207,16 +207,25 @@ def compare_volumes(name: str, solid: float, gridded: float, cells: GridCells) -
         )
 
 
-def refuse_under_resolved(names: list[str], share: np.ndarray, size: np.ndarray, cells: GridCells) -> None:
-    """Warn of under-resolved excavations; raise InputError if hardly any cell is mined wholly.
+def warn_of_narrow(names: list[str], across: list[Across], size: np.ndarray, cells: GridCells) -> list[str]:
+    """Names of excavations with fewer cells across than they need, each with a warning; size (k,) m3: those that no
+    cell has a part of are left out."""
+    narrow = [number for number, one in enumerate(across) if one.is_narrow() and size[number] > 0.0]
+    for number in narrow:
+        logging.warning(
+            "%s: narrow for cells of %s: %.1f across it, of %d that it needs; use cells of %g m or less",
+            names[number], cells.size_text(), across[number].cells, across[number].needed,
+            across[number].largest_cell(cells.finest),
+        )  # fmt: skip
+    return [names[number] for number in narrow]
 
-    share (k,): of each one's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything goes.
+
+def refuse_under_resolved(share: np.ndarray, size: np.ndarray, cells: GridCells) -> None:
+    """Raise InputError if hardly any cell is mined wholly.
+
+    share (k,): of each excavation's volume in wholly mined cells, size (k,) m3. From a volume_error of 1 on anything
+    goes.
     """
-    for name, whole, volume in zip(names, share, size, strict=True):
-        if whole < MIN_WHOLE_CELL_SHARE and volume > 0.0:
-            logging.warning(
-                "%s: narrow for cells of %s: %.0f %% of it fills whole ones", name, cells.size_text(), 100 * whole
-            )
     if size.sum() > 0.0 and share @ size < MIN_WHOLE_CELL_SHARE_ACCEPTED * size.sum() and cells.volume_error < 1.0:
         raise InputError(
             f"excavations: too narrow for cells of {cells.size_text()}: {100 * (share @ size) / size.sum():.0f} % of "
@@ -333,17 +342,21 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     for number in np.setdiff1d(np.arange(len(solids)), pieces.excavation):
         refuse_missed(solids[number], values.grid)
     thickness = values.thickness if dimension == 2 else 1.0
-    sampled = np.bincount(pieces.excavation, volumes_of(pieces, edge_nodes, domain), minlength=len(solids))
-    on_grid = sampled * grid.fine_cell**dimension * thickness  # not in place: integers where nothing is mined
+    share, names = whole_shares(pieces, grid.shape, later), [solid.name for solid in solids]
+    pieces = pieces.apart()
+    of_pieces = volumes_of(pieces, edge_nodes, domain) * (grid.fine_cell**dimension * thickness)
+    on_grid = np.bincount(pieces.excavation, of_pieces, minlength=len(solids)).astype(float)  # integers without pieces
     volume = [solid.volume_within(domain.lower, domain.upper) * thickness for solid in solids]
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         compare_volumes(solid.name, true, float(gridded), values.grid)
-    share, names = whole_shares(pieces, grid.shape, later), [solid.name for solid in solids]
-    refuse_under_resolved(names, share, on_grid, values.grid)
+    refuse_under_resolved(share, on_grid, values.grid)
+    across = [cells_across(solid, grid.fine_cell) for solid in solids]
+    narrow = warn_of_narrow(names, across, on_grid, values.grid)
     return grid_dataset(
         grid,
         bodies_at(bodies, grid.cell_center),
         pieces,
+        of_pieces,
         edge_nodes,
         values.plane,
         attributes
@@ -355,7 +368,9 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
             "excavation_volume_grid": json.dumps([float(value) for value in on_grid]),
             "excavation_open_share": json.dumps([solid.open_share for solid in solids]),
             "excavation_whole_share": json.dumps([float(value) for value in share]),
-            "narrow_whole_share": MIN_WHOLE_CELL_SHARE,
+            "excavation_cells_across": json.dumps([one.cells for one in across]),
+            "excavation_cells_needed": json.dumps([one.needed for one in across]),
+            "excavation_narrow": json.dumps(narrow),
             "draft_would_lose": json.dumps([names[number] for number in lost]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
         }

@@ -183,11 +183,11 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
             scheme.drop_work_arrays()
             start, lasting = renumber_forces(model, start, mined), renumber_forces(model, lasting, mined)
             follow_walls(model, mined, state)
-            if mined.unheld > model.unheld:
+            if len(mined.unheld) > len(model.unheld):
                 logging.warning(
                     "fill lies between walls a cell or two apart that were open before, at %d nodes: it does not hold "
                     "them; use smaller cells, or fill in the step that mines",
-                    mined.unheld,
+                    len(mined.unheld),
                 )
             model, scheme = mined, make_scheme(mined, state, volume)
     balance = Balance.at_start(scheme.body, stood, mined_hourglass)

@@ -155,12 +155,12 @@ def make_grid(
             "piece_excavation": ("piece", excavation.astype(np.int16)),
             "piece_samples": ("piece", (2.0 ** np.round(63 * fraction)).astype(np.uint64) * 2 - 1),
             "piece_fraction": ("piece", fraction),
+            "piece_volume": ("piece", fraction * size[cell] ** dimension),
         },
         attrs={
             "mine": "testmine", "dimension": dimension, "plane": "" if dimension == 3 else "xz", "thickness": 1.0,
             "domain_lower": lower, "domain_upper": upper, "coarse_cell": coarse,
             "fine_cell": coarse / 2 ** (levels - 1), "levels": levels, "excavation_names": json.dumps(NAMES),
-            "narrow_whole_share": 0.3,
             "excavation_volume": json.dumps(volume.tolist()), "excavation_volume_grid": json.dumps(drawn.tolist()),
             "config_hash": "1111", "source_hash": "aaaa", "versions": json.dumps({"numpy": "2.4"}),
         },

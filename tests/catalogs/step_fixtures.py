@@ -4,7 +4,9 @@ import numpy as np
 import xarray as xr
 
 from catalogs.report.evidence import ExcavationRow
+from catalogs.sources.openings import NEVER, ROCK, Mining
 from common.source_tensors import moment_magnitude
+from mpm_core.model.occupancy import FinestPieces
 
 SHEAR = 30e9  # Pa
 
@@ -41,12 +43,22 @@ def events_of(potency, step_names=None, days=None) -> xr.Dataset:
 
 def mined_in(parts: list[tuple[int, str, int]]) -> dict:
     """A grid of four cells of 2 m and its excavations, one each: place of its cell, its step, how many of the 64
-    samples, the first ones."""
-    origin = np.array([[100.0 + 2 * place, 0.0, -8.0] for place, *_ in parts]).reshape(-1, 3)
+    samples, the first ones. Steps are in the order of their names."""
+    places = np.array([[place, 0, 0] for place, *_ in parts], np.int32).reshape(-1, 3)
     samples = np.array([2**count - 1 for *_, count in parts], np.uint64)
-    data = {"piece_origin": (("piece", "xyz"), origin), "piece_samples": ("piece", samples)}
-    data["piece_excavation"] = ("piece", np.arange(len(parts)))
+    pieces = FinestPieces(places, np.arange(len(parts), dtype=np.int16), samples).apart()
+    data = {
+        "piece_origin": (("piece", "xyz"), [100.0, 0.0, -8.0] + 2.0 * pieces.place),
+        "piece_samples": ("piece", pieces.samples),
+        "piece_excavation": ("piece", pieces.excavation),
+        "piece_volume": ("piece", np.bitwise_count(pieces.samples) / 8.0),
+    }
     corners = {"domain_lower": [100.0, 0.0, -8.0], "domain_upper": [108.0, 2.0, -6.0]}
-    rows = [ExcavationRow(f"e{at}", step, "none", step, 9.0, 9.0, False, True) for at, (_, step, _) in enumerate(parts)]
     grid = xr.Dataset(data, attrs=corners | {"fine_cell": 2.0, "dimension": 3, "thickness": 1.0})
-    return {"grid": grid, "excavations": rows}
+    steps = sorted({step for _, step, _ in parts})
+    mining = Mining.of(grid, np.array([steps.index(step) for _, step, _ in parts], int), np.full(len(parts), NEVER))
+    rows = [
+        ExcavationRow(f"e{at}", step, "none", step, 9.0, 9.0, False, True, mined)
+        for at, ((_, step, _), mined) in enumerate(zip(parts, mining.volumes(ROCK).tolist(), strict=True))
+    ]
+    return {"grid": grid, "excavations": rows, "mining": mining}

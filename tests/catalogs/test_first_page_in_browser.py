@@ -60,7 +60,9 @@ def fullest(mine, tmp_path_factory) -> Path:
     solid = np.array(json.loads(grid.attrs["excavation_volume"]))
     grid.attrs |= {
         "excavation_volume_grid": json.dumps((solid * 1.3).tolist()),
-        "excavation_whole_share": json.dumps([0.1] * 4),
+        "excavation_narrow": grid.attrs["excavation_names"],
+        "excavation_cells_across": json.dumps([1.2] * 4),
+        "excavation_cells_needed": json.dumps([4] * 4),
         "excavation_open_share": json.dumps([0.2] * 4),
     }
     write_dataset(grid, folder / "grid.nc")

@@ -21,8 +21,7 @@ SETTINGS = {"mine": "testmine", "steps": STEPS, "cells": [2.0, 4.0]}
 COARSE_GRID = {
     "excavation_names": '["drive", "stope_a", "sump"]',
     "excavation_volume_grid": "[9.0, 7.0, 0.0]",
-    "excavation_whole_share": "[0.29, 0.31, 0.0]",
-    "narrow_whole_share": 0.3,
+    "excavation_narrow": '["drive"]',
 }
 VOLUMES = {"own": [100.0, 50.0], "coarse": [80.0, 50.0]}
 
@@ -99,7 +98,6 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
         return " ".join(discretisation(fixtures.evidence_of(**arguments | changes)))
 
     grid = read_dataset(mine.grid)
-    write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
     text = said()
     assert "on these numbers was not measured (grid_convergence: true measures it); unloading in increments" in text
     assert "too large, roughly by 15 % or less" in text
@@ -116,7 +114,7 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     write_dataset(found.assign_attrs(narrow="[]"), tmp_path / "grid_convergence.nc")
     assert "failed rock by about 17 %; unloading in increments" in said(**with_table)
     write_dataset(found, tmp_path / "grid_convergence.nc")
-    write_dataset(grid.assign_attrs(excavation_whole_share="[0.1, 0.1, 0.1, 0.1]"), tmp_path / "narrow.nc")
+    write_dataset(grid.assign_attrs(excavation_narrow='["drive", "stope_1"]'), tmp_path / "narrow.nc")
     text = said(grid=tmp_path / "narrow.nc", **with_table)
     assert "failed rock by about 17 %; unloading in increments" in text  # narrow for its own cells
     assert "above its strength at once" not in text
@@ -133,8 +131,6 @@ def test_the_report_says_that_cells_are_too_large(tmp_path, found, monkeypatch):
     monkeypatch.setattr(style, "save", fixtures.write_nothing)
     mine = fixtures.make_mine(tmp_path)
     arguments = written(mine, overshoot_share=0.15)
-    grid = read_dataset(mine.grid)
-    write_dataset(grid.assign_attrs(excavation_whole_share="[0.5, 0.5, 0.5, 0.5]"), mine.grid)
     worse = found.assign(potency_error=found["potency_error"] * 10)
     write_dataset(worse, tmp_path / "grid_convergence.nc")
     fixtures.write_page(**arguments, grid_convergence=tmp_path / "grid_convergence.nc")

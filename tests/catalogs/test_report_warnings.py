@@ -60,11 +60,33 @@ def test_banner_names_excavations_whose_volume_the_grid_misses(mine, tmp_path):
 def test_banner_names_excavations_too_narrow_for_the_cells(mine, tmp_path):
     """The narrowest first; a planned one does not count yet."""
     grid = read_dataset(mine.grid)
-    grid.attrs["excavation_whole_share"] = json.dumps([0.31, 0.29, 0.0, 0.0])
-    write_dataset(grid, tmp_path / "grid.nc")
+    narrow = {"excavation_narrow": json.dumps(["stope_1", "stope_2", "stope_3"])}
+    across = {"excavation_cells_across": "[4.0, 2.5, 1.2, 1.0]", "excavation_cells_needed": "[4, 4, 4, 2]"}
+    write_dataset(grid.assign_attrs(narrow | across), tmp_path / "grid.nc")
     said = warnings_of(mine, grid=tmp_path / "grid.nc")
-    assert "Narrow for cells of 4.00 m: stope_2 0 %, stope_1 29 % of the volume lies in whole cells." in said
+    assert "by cells across and how many are needed: stope_2 1.2 of 4, stope_1 2.5 of 4. The walls" in said
+    assert "Cells of 1.2 m are small enough." in said  # 1.2 cells of 4 m are 4.8 m
     assert "Narrow for" not in warnings_of(mine)
+
+
+def test_banner_names_excavations_whose_fill_holds_no_walls(mine, tmp_path):
+    """By the last step. In one that is wide the nodes are those of its edges; one without fill in this run is no part
+    of the number."""
+    grid = read_dataset(mine.grid)
+    across = {"excavation_cells_across": "[4.0, 2.0, 6.0, 2.0]", "excavation_cells_needed": "[4, 2, 4, 2]"}
+    write_dataset(grid.assign_attrs(across), tmp_path / "grid.nc")
+    arguments = mine.arguments(grid=tmp_path / "grid.nc")
+    last = read_dataset(arguments["steps"][-1])
+    unheld = json.dumps({"stope_1": 30, "stope_2": 12})
+    write_dataset(last.assign_attrs(unheld_fill=unheld), tmp_path / "last.nc")
+    arguments["steps"] = [*arguments["steps"][:-1], tmp_path / "last.nc"]
+    evidence = fixtures.evidence_of(**arguments)
+    (found,) = [one for one in banners(evidence) if "Fill does not hold" in one.text]
+    assert found.text.startswith("Fill does not hold the walls of 1 of 1 filled excavation, at 30 nodes: stope_1.")
+    assert found.brief == "fill holds no walls in 1 of 1 filled excavation (fewer than 4 cells across)"
+    assert found.mend.code == "grid.finest_cell: 2 m"  # two cells of 4 m are 8 m
+    assert [row.unheld for row in evidence.excavations] == [0, 30, 0, 0]
+    assert not [one for one in banners(fixtures.evidence_of(**mine.arguments())) if "Fill does" in one.text]
 
 
 def test_banner_names_excavations_whose_surface_is_open(mine, tmp_path):

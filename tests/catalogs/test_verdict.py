@@ -392,7 +392,9 @@ def test_every_warning_of_the_first_page_is_short_and_has_a_remedy(known):
     solid = np.array(json.loads(grid.attrs["excavation_volume"]))
     grid.attrs |= {
         "excavation_volume_grid": json.dumps((1.3 * solid).tolist()),
-        "excavation_whole_share": json.dumps([0.1] * 4),
+        "excavation_narrow": grid.attrs["excavation_names"],
+        "excavation_cells_across": json.dumps([1.2] * 4),
+        "excavation_cells_needed": json.dumps([4] * 4),
         "excavation_open_share": json.dumps([0.2] * 4),
     }
     stages = [stage.copy() for stage in known.stages]

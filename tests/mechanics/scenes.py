@@ -154,7 +154,9 @@ def make_dataset(scene: Scene, grid: MultiLevelGrid, shapes=(), body=None):
     body = host_everywhere(grid) if body is None else body
     pieces = pieces_of(grid, shapes)
     places = FinestPieces(grid.cell_index[pieces.cell], pieces.excavation.astype(np.int16), pieces.samples)
-    return grid_dataset(grid, body, places, EdgeNodes.none(grid.dimension), scene.plane, {"mine": scene.mine})
+    volume = np.bitwise_count(places.samples) / SAMPLES_PER_CELL * grid.fine_cell**grid.dimension * scene.thickness
+    edge_nodes = EdgeNodes.none(grid.dimension)
+    return grid_dataset(grid, body, places, volume, edge_nodes, scene.plane, {"mine": scene.mine})
 
 
 def solve(model: Model, tolerance: float = 1e-6, step: int = 0) -> tuple[ExplicitScheme, History]:

@@ -64,6 +64,7 @@ def test_fixed_faces_strain_a_grid_with_hanging_nodes_linearly(plane, seed, per_
         grid,
         host_everywhere(grid),
         FinestPieces.all_of([], grid.dimension),
+        np.empty(0),
         EdgeNodes.none(grid.dimension),
         plane,
         {"mine": "test"},

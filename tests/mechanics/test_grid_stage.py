@@ -206,7 +206,8 @@ def test_a_grid_comes_back_from_its_dataset_as_it_was(plane, dimension):
         assert np.array_equal(getattr(again, name), getattr(grid, name)), name
     assert (again.fine_cell, again.levels) == (grid.fine_cell, grid.levels)
     assert np.array_equal(again.origin, grid.origin)
-    second = grid_dataset(again, body, read_pieces(dataset), read_edge_nodes(dataset), plane, {"mine": "test"})
+    volume = dataset.piece_volume.values
+    second = grid_dataset(again, body, read_pieces(dataset), volume, read_edge_nodes(dataset), plane, {"mine": "test"})
     assert second.identical(dataset)
 
 

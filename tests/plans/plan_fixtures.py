@@ -53,6 +53,7 @@ def made_up_grid(mirrored: bool = False) -> xr.Dataset:
             "piece_excavation": ("piece", np.concatenate(numbers).astype(np.int16)),
             "piece_fraction": ("piece", np.ones(len(origin))),
             "piece_samples": ("piece", np.full(len(origin), 255, np.uint8)),
+            "piece_volume": ("piece", np.full(len(origin), EDGE**3)),
         },
         attrs={
             "mine": MINE,

@@ -207,7 +207,7 @@ def test_a_year_near_an_opening_has_the_days_on_which_it_is_mined(outcome):
 
 
 def test_rock_that_two_openings_share_is_mined_once(events, tmp_path):
-    """Half of the first stope's cells are of the drive too, which is mined before. What an opening has is its own."""
+    """Half of the first stope's cells are of the drive too, which is mined before: they are none of the stope's."""
     grid = made_up_grid()
     first = np.flatnonzero(grid["piece_excavation"].values == 1)
     shared = grid.isel(piece=first[::2]).copy(deep=True)
@@ -215,4 +215,4 @@ def test_rock_that_two_openings_share_is_mined_once(events, tmp_path):
     both = xr.concat([grid, shared], dim="piece", data_vars="minimal")
     made = make_outcome(outcome_slice([write_run(tmp_path, "own", events)]), both)
     np.testing.assert_allclose(made["mined"], [12 * 20 * 30 / 2, 12 * 20 * 30])
-    np.testing.assert_allclose(made["opening_volume"].sel(opening="stope_1"), 12 * 20 * 30)
+    np.testing.assert_allclose(made["opening_volume"].sel(opening="stope_1"), 12 * 20 * 30 / 2)

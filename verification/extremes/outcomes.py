@@ -12,6 +12,7 @@ import yaml
 
 from common.errors import InputError
 from mpm_core.files.state_datasets import read_grid, read_pieces
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
 from verification.scenes import value_of
 from verification.studies import default_settings, merge
@@ -120,7 +121,9 @@ def _above_strength(values, grid, state, present, failed):
     names = yaml.safe_load(state.attrs["material_names"])
     level = state.cell_level.values[state.cell.values]
     share = np.ones(state.sizes["cell"])
-    np.subtract.at(share, holding_cells(read_grid(state)[0], read_pieces(grid).place), grid.piece_fraction.values)
+    pieces = read_pieces(grid)
+    mined = np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL
+    np.subtract.at(share, holding_cells(read_grid(state)[0], pieces.place), mined)
     whole = (level == level.max()) & (share[state.cell.values] >= 0.5)
     rock_here = present & (state.excavation.values < 0)
     tensor = state.stress.values[:, [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(-1, 3, 3)

@@ -21,6 +21,7 @@ from common.result_folders import BASELINES, CALIBRATION, COARSE, PLANS
 from workflow.folders import NAME, Folders
 from workflow.mining_plans import MiningPlans
 from workflow.mine_folder import check_owner, note_owner
+from workflow.narrow_openings import notes
 from workflow.result_files import ResultFiles
 from workflow.rule_inputs import RuleInputs
 from workflow.rule_resources import RuleResources, by_attempt
@@ -45,6 +46,9 @@ try:
     update_config(config, OVERRIDES)
     MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT, OVERRIDES)
     check_owner(MINE.name, MINE_FILE)
+    if workflow.overwrite_configfiles and workflow.is_main_process:
+        for note in notes(MINE):
+            print(f"{MINE.name}: {note}", file=sys.stderr)
 except InputError as error:
     sys.exit(str(error))
 

@@ -65,8 +65,7 @@ def discretisation(evidence: Evidence) -> list[str]:
     own, coarse = (f"{cell:g}" for cell in table["cell"].values)
     potency, volume = (every[name].values for name in ("potency", "failed_volume"))
     missed = _named(evidence, json.loads(table.attrs["left_out"]))
-    least = evidence.grid.attrs["narrow_whole_share"]
-    wide = {row.name for row in evidence.excavations if row.whole >= least}
+    wide = {row.name for row in evidence.excavations if not row.narrow}
     narrow = _named(evidence, [name for name in json.loads(table.attrs["narrow"]) if name in wide])
     without = f", which leave out {missed}," if missed else ""
     text = (

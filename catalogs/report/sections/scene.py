@@ -14,11 +14,13 @@ from catalogs.report.evidence import Evidence, ExcavationRow
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import whole
 
+MIN_SHARED = 1e-6  # Share of a solid that others mine; less is round-off.
+
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
     """Content of the section on the scene: figures of grid levels and excavated share (None without excavations), table
     of levels, sentences on the cap of cells and on the far field, rows of excavations, and rows by step if there are
-    many."""
+    many; shared: whether excavations share rock, or mine fill again."""
     cuts, rows = cut_planes(evidence), evidence.excavations
     return {
         "levels": gallery.add("grid_levels", grid_levels(evidence.grid, cuts)),
@@ -29,6 +31,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "above_cap": above_cap(evidence),
         "far_field": far_field(evidence.grid),
         "excavations": rows,
+        "shared": any(row.fill_mined > 0.0 or row.drawn - row.mined > MIN_SHARED * row.drawn for row in rows),
         "steps": by_step(rows) if len(rows) > sections.MAX_ROWS_UNFOLDED else [],
     }
 
@@ -64,6 +67,9 @@ def _row(step: str, members: list[ExcavationRow]) -> dict:
         "step": step,
         "planned": members[0].planned,
         "count": len(members),
+        "mined": sum(one.mined for one in members),
+        "fill_mined": sum(one.fill_mined for one in members),
+        "unheld": sum(one.unheld > 0 for one in members),
         "solid": float(solid.sum()),
         "drawn": float(drawn.sum()),
         "worst": members[worst].name,

@@ -16,7 +16,6 @@ from catalogs.report.by_opening import where
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import MAX_NAMED, fixed, magnitude, number, plural, typeset, whole
-from catalogs.sources.openings import volumes_mined
 from catalogs.sources.sizes import log_potency
 from common.event_table import ON_PLANES
 
@@ -99,11 +98,10 @@ def latest_and_largest(lines: Sequence[StepLine], most: int = MAX_LINES) -> list
 def mined_volumes(evidence: Evidence) -> dict[str, float]:
     """Rock that each step mines, on the grid, m3. Where solids overlap it counts once, in the step that comes first;
     fill that is mined again is no rock."""
-    mined = [
-        [index for index, row in enumerate(evidence.excavations) if row.step == step["step"]] for step in evidence.steps
-    ]
-    names = [step["step"] for step in evidence.steps]
-    return dict(zip(names, volumes_mined(evidence.grid, mined), strict=True))
+    return {
+        step["step"]: sum(row.mined for row in evidence.excavations if row.step == step["step"])
+        for step in evidence.steps
+    }
 
 
 def shear_modulus(evidence: Evidence) -> float:

@@ -18,6 +18,7 @@ from catalogs.figures import events_figure, style, views
 from catalogs.report.evidence import MODEL_LABEL, Evidence, shown_catalogues
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import fixed, plural, whole
+from catalogs.sources.openings import NOTHING
 from catalogs.sources.sizes import log_potency
 from common.event_table import new_catalog
 from common.part_centers import part_centers
@@ -206,14 +207,14 @@ def opening_cells(evidence: Evidence) -> dict[tuple[int, int], CellSet]:
         )
         for row in evidence.excavations
     ]
-    owner, edge = grid["piece_excavation"].values, float(grid.attrs["fine_cell"])
-    corner = views.domain(grid)[0]
-    cell = np.rint((grid["piece_origin"].values - corner) / edge).astype(np.int64)
+    mining, edge, corner = evidence.mining, float(grid.attrs["fine_cell"]), views.domain(grid)[0]
+    cell = np.rint((mining.origin - corner) / edge).astype(np.int64)
     found = {}
     for key in sorted(set(when)):
-        own = np.isin(owner, [index for index, its in enumerate(when) if its == key])
+        own = np.isin(mining.excavation, [index for index, its in enumerate(when) if its == key])
+        own &= mining.takes != NOTHING
         if own.any():
-            found[key] = CellSet.of(cell[own], grid["piece_fraction"].values[own], edge, corner)
+            found[key] = CellSet.of(cell[own], mining.volume[own] / edge**3, edge, corner)
     return _drawable(found)
 
 

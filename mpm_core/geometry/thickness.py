@@ -1,0 +1,85 @@
+"""Thickness of a solid, and the cells that an opening of that thickness needs across it.
+
+The thickness at a point of the surface is the length of the line along the surface's normal that lies inside. That of
+the solid is such that a quarter of its surface, by area, is thinner: of a drive its width or its height, of a stope the
+distance between its nearest walls. Neither the place nor the direction of a solid on the grid changes it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mpm_core.geometry.inside import contains
+from mpm_core.geometry.solids import Outside, Solid
+
+CELLS_ACROSS_OPENING = 4  # Across fewer, too little rock fails around an opening (study openings).
+CELLS_ACROSS_SLOT = 2  # As CELLS_ACROSS_OPENING for an opening that is thin in one direction only.
+CELLS_ACROSS_FILL = 4  # Of an opening that stood open: else walls have nodes of their own, which fill does not join.
+MIN_SLOT_RATIO = 0.75  # Volume over that of a slab of the same thickness and surface: 3/4 if three times as wide.
+MAX_CELLS_MEASURED = 6  # A thicker solid is as thick as that.
+QUANTILE = 0.25
+POINTS = 256  # of the surface at which the thickness is measured
+STEPS_PER_CELL = 8  # Of a line, before its end is bisected. A gap that is thinner may be missed.
+HALVINGS = 10
+GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # Steps of a sequence that fills a square (Roberts 2018).
+MIN_SHARE_REACHED = 0.0125  # A thickness that is this share short of a number of cells counts as the number.
+
+
+class Across(NamedTuple):
+    """Cells across an opening (at most MAX_CELLS_MEASURED), and how many it needs."""
+
+    cells: float
+    needed: int
+
+    def is_narrow(self, needed: int = 0) -> bool:
+        """True if there are fewer cells across than the opening needs, or than `needed` of them."""
+        return self.cells < max(self.needed, needed) * (1.0 - MIN_SHARE_REACHED)
+
+    def largest_cell(self, cell: float, needed: int = 0) -> float:
+        """Largest cell, m, with which the opening is not narrow, rounded down to two digits; cell: of those counted."""
+        largest = self.cells * cell / max(self.needed, needed) * (1.0 + MIN_SHARE_REACHED / 2.0)
+        unit = 10.0 ** (np.floor(np.log10(largest)) - 1.0)
+        return float(np.floor(largest / unit) * unit)
+
+
+def cells_across(solid: Solid | Outside, cell: float) -> Across:
+    """Cells of a size (m) across an opening. A body under load (Outside) is none, and needs none."""
+    if isinstance(solid, Outside):
+        return Across(float(MAX_CELLS_MEASURED), 0)
+    thickness, area = thickness_of(solid, MAX_CELLS_MEASURED * cell, MAX_CELLS_MEASURED * STEPS_PER_CELL)
+    is_slot = 2.0 * solid.volume > MIN_SLOT_RATIO * area * thickness
+    return Across(thickness / cell, CELLS_ACROSS_SLOT if is_slot else CELLS_ACROSS_OPENING)
+
+
+def thickness_of(solid: Solid, most: float, steps: int) -> tuple[float, float]:
+    """Thickness of a solid, m, at most `most`, in whose steps lines are followed; and the area of its surface, m2 (m in
+    2-D)."""
+    center = solid.bounds.mean(axis=0)
+    corners = solid.corners(center)
+    edges = corners[:, 1:] - corners[:, :1]
+    normal = np.cross(edges[:, 0], edges[:, 1]) if solid.dimension == 3 else edges[:, 0, ::-1] * [1.0, -1.0]
+    size = np.linalg.norm(normal, axis=1)
+    ends = np.cumsum(size)
+    facet = np.searchsorted(ends, (np.arange(POINTS) + 0.5) / POINTS * ends[-1])
+    place = np.arange(1, POINTS + 1)[:, None] * GOLDEN[: solid.dimension - 1] % 1.0
+    place = np.where(place.sum(axis=1, keepdims=True) > 1.0, 1.0 - place, place)
+    start = center + corners[facet, 0] + np.einsum("pe,ped->pd", place, edges[facet])
+    along = np.concatenate([normal[facet], -normal[facet]]) / np.tile(size[facet], 2)[:, None]
+    ways = _lengths_inside(solid, np.tile(start, (2, 1)), along, most, steps)
+    lengths = np.minimum(ways.reshape(2, POINTS).sum(axis=0), most)
+    area = float(size.sum()) * (0.5 if solid.dimension == 3 else 1.0)
+    return float(np.quantile(lengths, QUANTILE)), area
+
+
+def _lengths_inside(solid: Solid, start: np.ndarray, along: np.ndarray, most: float, steps: int) -> np.ndarray:
+    """Length (k,) m of lines from points (k, d) of the surface in directions (k, d) to where they leave the solid."""
+    marks = most * np.arange(1, steps + 1) / steps
+    inside = contains(solid, (start[:, None] + marks[:, None] * along[:, None]).reshape(-1, solid.dimension))
+    left = ~inside.reshape(len(start), steps)
+    first = np.where(left.any(axis=1), left.argmax(axis=1), steps)
+    low, high = first * (most / steps), np.minimum(first + 1, steps) * (most / steps)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        within = contains(solid, start + middle[:, None] * along)
+        low, high = np.where(within, middle, low), np.where(within, high, middle)
+    return low
