@@ -27,6 +27,7 @@ GRID = """
 cell_origin cell,xyz float64 m | cell_size cell float64 m | cell_level cell int8 1 | cell_nodes cell,corner int32 1
 node_position node,xyz float64 m | node_parents node,parent int32 1 | cell_body cell int16 1
 piece_origin piece,xyz float64 m | piece_excavation piece int16 1 | piece_fraction piece float64 1
+piece_samples piece uint64 1 | piece_volume piece float64 m3
 """
 STATE = """
 position particle,xyz float64 m | cell particle int32 1 | spacing particle float64 m | volume particle float64 m3
