@@ -140,7 +140,7 @@ def _difference(fits: list[Fit]) -> sizes.BDifference:
 def _text(name: str, one: Fit, stable: float) -> str:
     """Law and b of one catalogue as sentences."""
     value, law = one.plain, one.law
-    if not np.isfinite(value.b):
+    if not np.isfinite(value.b) or law.name == FEW:
         few = value.events < sizes.MIN_EVENTS_FOR_B
         why = f", and {sizes.MIN_EVENTS_FOR_B} are needed" if few else " of one size"
         return f"The {name} has no b: it has {value.events} event{'s' * (value.events != 1)}{why}"

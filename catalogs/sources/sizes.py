@@ -12,7 +12,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-MAX_EXPONENT = 600.0  # Largest |beta times range| that is searched, so that exp() stays finite.
+MAX_EXPONENT = 600.0  # exp() of a larger number is taken as infinite.
+SIZE_PRECISION = 1e-6  # Mean sizes (log10 P) that differ by less are one: arithmetic makes as much of one number.
 
 
 class Exponential:
@@ -29,20 +30,44 @@ class Exponential:
 
     def mean(self, beta: float) -> float:
         """Mean excess, -A'(beta)."""
-        whole = _mean(beta, self.span)
-        return whole if self.width == 0 else whole - _mean(beta, self.width)
+        if self.width == 0:
+            return _mean(beta, self.span)
+        if abs(beta * self.width) < 1:
+            return _mean(beta, self.span) - _mean(beta, self.width)
+        return _tail(beta, self.width) - _tail(beta, self.span)
 
     def variance(self, beta: float) -> float:
         """Variance of the excess, A''(beta): the Fisher information of one event."""
-        whole = _variance(beta, self.span)
-        return whole if self.width == 0 else whole - _variance(beta, self.width)
+        if self.width == 0:
+            return _variance(beta, self.span)
+        if abs(beta * self.width) < 1:
+            return _variance(beta, self.span) - _variance(beta, self.width)
+        return _spread(beta, self.width) - _spread(beta, self.span)
 
     def solve(self, excess: float) -> float:
         """beta at which the mean excess is the observed one: the maximum of the likelihood."""
         if np.isinf(self.span):
             return 1 / excess if self.width == 0 else np.log1p(self.width / excess) / self.width
-        steepest = MAX_EXPONENT / self.span
-        return scipy.optimize.brentq(lambda beta: self.mean(beta) - excess, -steepest, steepest, xtol=1e-12 * steepest)
+
+        def surplus(beta):
+            return self.mean(beta) - excess
+
+        flattest, steepest = -1 / self.span, 1 / self.span
+        while surplus(steepest) > 0:  # the mean falls with beta, from one end of its range to the other
+            steepest *= 2
+        while surplus(flattest) < 0:
+            flattest *= 2
+        return scipy.optimize.brentq(surplus, flattest, steepest, xtol=1e-12 / self.span, rtol=1e-12)
+
+    def holds(self, excess: float) -> bool:
+        """True if the likelihood of this mean excess has a maximum: it lies within the range of means."""
+        least, most = self.means
+        return least + SIZE_PRECISION < excess < most - SIZE_PRECISION
+
+    @property
+    def means(self) -> tuple[float, float]:
+        """Ends of the range of mean excesses: those of the steepest and of the flattest law."""
+        return 0.0, self.span - self.width
 
     def interval(self, beta: float, excess: float, count: int, confidence: float) -> tuple[float, float]:
         """Confidence interval (lower, upper) of beta by the likelihood ratio.
@@ -63,7 +88,7 @@ class Exponential:
             if np.isinf(self.span):
                 far = max(far, beta * 1e-3)
             while drop(far) < 0:
-                far = far * 0.5 if np.isinf(self.span) and sign < 0 else far + sign * step
+                far = far * 0.5 if np.isinf(self.span) and sign < 0 else beta + 2 * (far - beta)
             ends.append(scipy.optimize.brentq(drop, *sorted((far, beta)), xtol=1e-12 * abs(step)))
         return ends[0], ends[1]
 
@@ -79,23 +104,33 @@ class FilledLastBin(Exponential):
         super().__init__(bin_width, span)
         self.count = count
 
-    def _last_bin(self, beta: float) -> tuple[float, float, float]:
-        """t, 1 - (1 - t)^count and g, each without cancellation however steep or flat the law."""
+    @property
+    def means(self) -> tuple[float, float]:
+        """Ends of the range of mean excesses; the least has all events but the largest in the lowest bin."""
+        most = super().means[1]
+        return most / self.count, most
+
+    def _last_bin(self, beta: float) -> tuple[float, float, float, float]:
+        """t, log(1 - (1 - t)^count), t / (1 - (1 - t)^count) and g, each without cancellation however steep the law."""
         below = self.span - self.width
-        t = np.exp(-beta * below + _log_integral(beta, self.width) - _log_integral(beta, self.span))
-        t = min(float(t), 1.0 - 1e-15)
-        return t, -np.expm1(self.count * np.log1p(-t)), below + _mean(beta, self.width) - _mean(beta, self.span)
+        log_t = -beta * below + _log_integral(beta, self.width) - _log_integral(beta, self.span)
+        t = min(float(np.exp(log_t)), 1.0 - 1e-15)
+        g = below - super().mean(beta)
+        if t * self.count < 1e-12:
+            return t, log_t + np.log(self.count), 1.0 / self.count, g
+        filled = -np.expm1(self.count * np.log1p(-t))
+        return t, float(np.log(filled)), t / filled, g
 
     def log_normaliser(self, beta: float) -> float:
-        return super().log_normaliser(beta) + np.log(self._last_bin(beta)[1]) / self.count
+        return super().log_normaliser(beta) + self._last_bin(beta)[1] / self.count
 
     def mean(self, beta: float) -> float:
-        t, filled, g = self._last_bin(beta)
-        return super().mean(beta) + (1.0 - t) ** (self.count - 1) * t / filled * g
+        t, _, share, g = self._last_bin(beta)
+        return super().mean(beta) + (1.0 - t) ** (self.count - 1) * share * g
 
     def variance(self, beta: float) -> float:
-        t, filled, g = self._last_bin(beta)
-        k = (1.0 - t) ** (self.count - 1) * t / filled
+        t, _, share, g = self._last_bin(beta)
+        k = (1.0 - t) ** (self.count - 1) * share
         climb = (self.count - 1) * t / (1.0 - t) - 1.0 + self.count * k  # of log k with beta, over g
         return (1.0 - k) * super().variance(beta) - k * g**2 * climb
 
@@ -107,7 +142,7 @@ def _log_integral(beta: float, span: float) -> float:
     u = beta * span
     if abs(u) < 1e-6:
         return np.log(span) - u / 2
-    return np.log(-np.expm1(-u) / beta) if u > 0 else np.log(np.expm1(-u) / -beta)
+    return max(-u, 0.0) + np.log(-np.expm1(-abs(u)) / abs(beta))
 
 
 def _mean(beta: float, span: float) -> float:
@@ -117,7 +152,7 @@ def _mean(beta: float, span: float) -> float:
     u = beta * span
     if abs(u) < 1e-4:
         return span * (0.5 - u / 12)
-    return 1 / beta - span / np.expm1(u)
+    return 1 / beta - _tail(beta, span)
 
 
 def _variance(beta: float, span: float) -> float:
@@ -127,7 +162,19 @@ def _variance(beta: float, span: float) -> float:
     u = beta * span
     if abs(u) < 1e-2:
         return span**2 * (1 / 12 - u**2 / 240)
-    return 1 / beta**2 - span**2 / (4 * np.sinh(np.clip(u / 2, -300, 300)) ** 2)
+    return 1 / beta**2 - _spread(beta, span)
+
+
+def _tail(beta: float, span: float) -> float:
+    """span / (exp(beta span) - 1), what ends at `span` take from the mean 1/beta; 0 without an end."""
+    u = beta * span
+    return 0.0 if u > MAX_EXPONENT else span / np.expm1(u)
+
+
+def _spread(beta: float, span: float) -> float:
+    """(span / (2 sinh(beta span / 2)))^2, what an end at `span` takes from the variance 1/beta^2; 0 without an end."""
+    u = abs(beta * span)
+    return 0.0 if u > MAX_EXPONENT else span**2 / (4 * np.sinh(u / 2) ** 2)
 
 
 B_MAGNITUDE_PER_B_POTENCY = 1.5
@@ -206,10 +253,9 @@ def estimate_b(
         values = values[values <= float(bound) + 0.5 * bin_width]
     count, limit = values.size, np.inf if bound is None else float(bound)
     excess = float(np.mean(values - cut)) if count else 0.0
-    least = (limit - cut) / count if filled and count else 0.0  # all but the largest in the lowest bin
-    if count < MIN_EVENTS_FOR_B or not least * (1 + 1e-9) < excess < limit - cut:
-        return BValue(np.nan, np.nan, np.nan, np.nan, count, cut, limit)
     likelihood = FilledLastBin(bin_width, limit - cut, count) if filled else Exponential(bin_width, limit - cut)
+    if count < MIN_EVENTS_FOR_B or not likelihood.holds(excess):
+        return BValue(np.nan, np.nan, np.nan, np.nan, count, cut, limit)
     beta = likelihood.solve(excess)
     error = 1 / np.sqrt(count * likelihood.variance(beta))
     if bin_width == 0 and np.isinf(limit):

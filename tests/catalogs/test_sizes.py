@@ -74,6 +74,47 @@ def test_all_in_the_lowest_bin_but_the_largest_give_no_b():
     assert 0 < sizes.estimate_b(np.array([0.0] * 18 + [0.2, 0.6]), 0.0, 0.2, "largest").b < np.inf
 
 
+NEARLY_ONE_SIZE = {  # sizes in one to three bins, of which nearly all are in one
+    "one larger": [0.0] * 39 + [1.7],
+    "one of the next bin": [0.0] * 39 + [0.1],
+    "one smaller": [0.8] * 39 + [0.0],
+    "two values": [0.0] * 20 + [1.7] * 20,
+    "far larger": [0.0] * 10 + [30.0],
+}
+
+
+@pytest.mark.parametrize("name", NEARLY_ONE_SIZE)
+@pytest.mark.parametrize("end", [0.0, 1.0, 1e6])
+@pytest.mark.parametrize("bin_width", [0.0, 0.1])
+def test_b_of_nearly_equal_sizes_is_the_maximum_of_the_likelihood(name, end, bin_width):
+    """However steep or flat the law, and however far its upper end lies; on a grid of beta by direct sums.
+
+    The search had fixed ends, and stopped with "f(a) and f(b) must have different signs".
+    """
+    x = np.array(NEARLY_ONE_SIZE[name])
+    bound = x.max() + end
+    found = sizes.estimate_b(x, 0.0, bin_width, float(bound))
+    assert found.lower < found.b < found.upper
+    beta = found.b * np.log(10) + np.linspace(-0.05, 0.05, 1001) * found.error * np.log(10)
+    if bin_width:
+        steps = np.arange(min(round(bound / bin_width), 10_000) + 1) * bin_width
+        exponent = -beta[:, None] * steps
+        shift = exponent.max(axis=1)
+        normaliser = shift + np.log(np.exp(exponent - shift[:, None]).sum(axis=1))
+    else:
+        normaliser = np.log(np.expm1(-beta * bound) / -beta) if bound < 100 else -np.log(beta)
+    likelihood = -beta * x.mean() - normaliser
+    assert abs(beta[likelihood.argmax()] / np.log(10) - found.b) < 1e-3 * found.error
+
+
+@pytest.mark.parametrize("bin_width", [0.0, 0.1])
+def test_sizes_that_differ_by_what_arithmetic_makes_are_one_size(bin_width):
+    x = np.full(40, -1.2)
+    x[-1] = np.nextafter(-1.2, 0)
+    assert np.isnan(sizes.estimate_b(x, -1.2, bin_width).b)
+    assert np.isnan(sizes.estimate_b(x, -1.2, bin_width, "largest").b)
+
+
 def test_by_hand_mean_excess_of_a_half():
     """b = log10(e) / mean excess = 0.8686 for a mean excess of 0.5, times 19/20 for 20 events."""
     x = np.tile([0.25, 0.75], 10)
