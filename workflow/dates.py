@@ -2,12 +2,13 @@
 
 import datetime
 
-from catalogs.records.times import FIRST_YEAR, LAST_YEAR
+from catalogs.records.times import FIRST_YEAR, LAST_YEAR, check_offset
 from common.errors import InputError
 
 
 def read_date(where: str, text: str) -> datetime.datetime:
     """The instant that a date of the configuration means, UTC. Raises InputError for what is no date."""
+    check_offset(text, where)
     try:
         date = datetime.datetime.fromisoformat(text)
     except ValueError as error:

@@ -27,7 +27,7 @@ def _elk_creek(mine: MineConfiguration, settings: FaceSettings) -> tuple[FacePos
 
     listed = [
         {
-            "date": f"{pd.Timestamp(seconds, unit='s'):%Y-%m-%d}",
+            "date": pd.Timestamp(seconds, unit="s").isoformat().removesuffix("T00:00:00"),
             "ends": [headgate.tolist(), tailgate.tolist()],
             "panel": panel.name,
         }

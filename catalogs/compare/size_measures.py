@@ -33,7 +33,7 @@ class Fit:
         if self.law.name in (NONE, FEW) or not np.isfinite(self.plain.b):
             return None
         if self.law.name == TRUNCATED:
-            return self.bounded
+            return self.bounded if np.isfinite(self.bounded.b) else None
         if not np.isfinite(self.bounded.b):
             return self.plain
         lower, upper = min(self.plain.lower, self.bounded.lower), max(self.plain.upper, self.bounded.upper)
@@ -146,7 +146,10 @@ def _text(name: str, one: Fit, stable: float) -> str:
         return f"The {name} has no b: it has {value.events} event{'s' * (value.events != 1)}{why}"
     complete = f"complete from log P = {stable:.1f} on" if np.isfinite(stable) else "of no stable completeness"
     power, bounded = _chance(law.power_p_value), _chance(law.truncated_p_value)
-    if one.quoted is None:
+    if one.quoted is None and law.name == TRUNCATED:
+        said = f"follow no power law ({power}) but one that ends at the largest event ({bounded}), and the others are "
+        said += "too few or too alike for its b"
+    elif one.quoted is None:
         said = f"follow neither a power law ({power}) nor one that ends at the largest event ({bounded}): no b is given"
     else:
         b = f"b = {one.quoted.b:.2f} ({one.quoted.lower:.2f} to {one.quoted.upper:.2f})"

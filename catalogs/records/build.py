@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.records.settings import Conversion, EventFileSlice, normalized
+from catalogs.records.settings import Conversion, EventFileSlice, is_moment_type, normalized
 from common.errors import InputError
 from common.event_table import new_catalog
 from common.source_tensors import (
@@ -25,12 +25,6 @@ from common.source_tensors import (
 )
 
 UNTYPED = "untyped"
-MOMENT_TYPES = ("mw", "mww", "mwc", "mwb", "mwr", "mwp")
-
-
-def is_moment_type(kind: str) -> bool:
-    """True if a magnitude type is a moment magnitude, whichever way it was measured."""
-    return kind.strip().lower() in MOMENT_TYPES
 
 
 def is_convertible(kind: str, conversions: Mapping) -> bool:

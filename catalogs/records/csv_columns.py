@@ -6,7 +6,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from catalogs.records.build import SIZE_NAMES
-from catalogs.records.filters import EVENT_TYPE, STATUS
+from catalogs.records.event_kinds import EVENT_TYPE, STATUS
 from catalogs.records.settings import normalized
 from catalogs.records.times import DATE_PARTS
 from common.setting_types import AsTuple, EachOnce, Settings, choose, is_list, refusal

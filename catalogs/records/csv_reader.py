@@ -1,8 +1,7 @@
 """Records in CSV: the configuration states the meaning of each column."""
 
 import codecs
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -23,18 +22,21 @@ from catalogs.records.csv_columns import (
     UNITS,
     ColumnSettings,
 )
-from catalogs.records.csv_table import Table, read_table, unit_quantity
-from catalogs.records.filters import EVENT_TYPE, STATUS, filter_events, is_left_out, kept_words, plain_word
-from catalogs.records.settings import EventFileSettings, EventFileSlice
-from catalogs.records.times import (
-    DATE_PARTS,
-    EPOCHS,
-    check_zone,
-    parse_times,
-    shown_twice,
-    times_of_numbers,
-    times_of_parts,
+from catalogs.records.csv_filters import (
+    MISSING_VALUE_CODES,
+    check_codes,
+    check_other_codes,
+    check_unnamed_kinds,
+    filter_columns,
+    filter_numbers,
 )
+from catalogs.records.csv_table import Table, read_table
+from catalogs.records.csv_times import read_times
+from catalogs.records.csv_units import check_angle, unit_factor, unit_quantity
+from catalogs.records.event_kinds import EVENT_TYPE, STATUS
+from catalogs.records.filters import filter_events
+from catalogs.records.settings import EventFileSettings, EventFileSlice
+from catalogs.records.times import check_zone
 from common.errors import InputError
 from common.setting_types import AsTuple, Settings, real_number, refusal, short
 from common.source_tensors import potency_from_moment
@@ -50,7 +52,6 @@ TENSOR_FRAMES = {  # axes (row) in east, north, up; up south east is the frame o
 MAX_LOG_MOMENT = 25.0  # log10 of the moment (N m) of an earthquake larger than any
 MIN_SIZES_TO_JUDGE = 10  # fewer sizes may be alike by chance
 MAX_CHANCE_OF_LIKENESS = 0.01  # numbers as alike as by a smaller chance are no sizes
-MISSING_VALUE_CODES = (-99.0, -999.0, -9999.0)  # unless record.missing names others
 
 
 class EnergyConversion(Settings):
@@ -73,7 +74,8 @@ class Record(EventFileSettings):
     """Directions of x, y and z of the tensor columns: east north up (ENU), north east down (NED), or up south east
     (USE). Default: ENU."""
     units: dict[str, str] = None
-    """Unit of a kind of column, where it is not m, m^3, N m, J or s and the file does not state it."""
+    """Unit of a kind of column, where it is not m, m^3, N m, J or s and the file does not state it. It must not
+    contradict a unit in the column's name or below the header."""
     missing: Annotated[tuple[real_number(), ...], AsTuple] = None
     """Numbers that stand for a missing value. Default: -99, -999, -9999."""
     decimal: Literal["point", "comma"] = None
@@ -81,8 +83,9 @@ class Record(EventFileSettings):
     date_order: Literal["day", "month"] = None
     """Which number comes first in 01/02/2019. Default: found from the file."""
     time_zone: str = None
-    """Time zone of times without an offset: Australia/Hobart, +10:00. Default: UTC. An hour that occurs twice, at the
-    end of summer time, is read as the later one."""
+    """Time zone of times without an offset: Australia/Hobart, +10:00, UTC. Default: UTC. Required if the name of a
+    column of time says local, or states an offset. An hour that occurs twice, at the end of summer time, is read as the
+    later one."""
     energy_conversion: EnergyConversion = None
     """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. There is no default."""
     encoding: str = None
@@ -132,6 +135,12 @@ class Record(EventFileSettings):
             )
         if self.energy_conversion and not named & {"energy", "log_energy"}:
             raise refusal("of which energy? name its column in record.columns.energy", "energy_conversion")
+        if self.conversions and not named & {MAGNITUDE, MAGNITUDE_TYPE}:
+            raise refusal(
+                f"of which magnitude? name its column in record.columns.{MAGNITUDE}, and that of its types in "
+                f"record.columns.{MAGNITUDE_TYPE}",
+                "conversions",
+            )
         if self.time_format and "time" not in named:
             raise refusal("of which number? name its column in record.columns.time", "time_format")
         if self.time_format and self.date_order:
@@ -161,10 +170,10 @@ def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a CSV file in the form of common.event_table, filtered (catalogs.records.filters).
 
     settings.columns names the file's columns: time (one column, or a list of two or three: date, time of day,
-    offset; see catalogs.records.times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at
+    offset; see catalogs.records.csv_times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at
     least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and optionally
     potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of tensor_frame,
-    time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.filters). units: {kind of
+    time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.event_kinds). units: {kind of
     column: unit}, where it is not the one above and not in the file; decimal, date_order, time_zone: what cannot be
     found from the file; conversions: catalogs.records.build; missing: numbers that stand for a missing value,
     else MISSING_VALUE_CODES. How the table is read: catalogs.records.csv_table.
@@ -178,24 +187,32 @@ def read(settings: RecordSlice) -> xr.Dataset:
     times = settings.columns.names_of_time()
     named = {name: f"record.columns.{key}" for key, name in columns.items()}
     named |= dict.fromkeys(times, "record.columns.time")
+    named = filter_columns(settings) | named
     numeric = [*names.values(), *(times if settings.time_format else [])]
     table = read_table(path, named, numeric, settings.decimal, settings.encoding)
-    _check_unnamed_kinds(table, set(named), settings)
-    table.decide_decimals(numeric)
+    check_unnamed_kinds(table, named, settings)
+    limits = settings.filter
+    bounded = {name for key in ("maximum", "minimum") for name in (getattr(limits, key, None) or {})}
+    table.decide_decimals([*numeric, *bounded])
     codes = MISSING_VALUE_CODES if settings.missing is None else settings.missing
     units = settings.units or {}
     numbers: dict[str, np.ndarray] = {}
     for key, name in names.items():
         values = table.numbers(name)
-        factor = table.factor(key, name, UNITS[key], units.get(key)) if key in UNITS else 1.0
+        factor = 1.0
+        if key in UNITS:
+            factor = unit_factor(str(path), key, name, UNITS[key], units.get(key), table.units.get(name))
+        elif key in ("latitude", "longitude"):
+            check_angle(str(path), key, name)
         missing = np.isin(values, codes)
         if settings.missing is None:
-            _check_codes(key, values[missing], factor, settings)
+            check_codes(key, values[missing], factor, settings)
+            check_other_codes(str(path), name, values)
         values = np.where(missing, np.nan, values)
         if key in LINEAR_SIZES:
             _check_logarithm(key, name, values * factor, settings)
         numbers[key] = values + np.log10(factor) if key.startswith("log_") else values * factor
-    time, local = _times(table, columns, numbers, settings, codes)
+    time, times_said = read_times(table, settings.columns, numbers, settings, codes)
     place = _locations(table, columns, numbers, settings)
     tensor = _tensor(numbers, settings)
     sizes, sizes_said = _sizes(table, columns, numbers, tensor, settings)
@@ -204,10 +221,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
         other["step"] = table.words(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
     record.attrs |= {"sizes_text": sizes_said} if sizes_said else {}
-    record.attrs |= {"times_text": _times_text(time, local, settings.time_zone)} if local else {}
-    limits = settings.filter
-    has_bounds, has_words = limits and (limits.maximum or limits.minimum), limits and (limits.only or limits.without)
-    quality = {name: table.numbers(name, strict=False) for name in (table.rows if has_bounds else ())}
+    record.attrs |= {"times_text": times_said} if times_said else {}
+    has_words = limits and (limits.only or limits.without)
+    quality = filter_numbers(table, settings, codes)
     filtered = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
     words = {
         name: (table.words(name) if name in filtered else table.text(name)).to_numpy(object)
@@ -215,57 +231,6 @@ def read(settings: RecordSlice) -> xr.Dataset:
     }
     kinds = {key: table.words(columns[key]).to_numpy(object) for key in (EVENT_TYPE, STATUS) if key in columns}
     return filter_events(record, settings, quality, str(path), table.repeated, words, kinds)
-
-
-def _times_text(time: np.ndarray, local: int, zone: str | None) -> str:
-    """Clause on the times without an offset: their number, the zone in which they were read, and how many of all times
-    lie in an hour that the zone's clock showed twice. time (event,) datetime64[ns], UTC; local: number without an
-    offset."""
-    text = f"{local} without an offset, as {zone or 'UTC'}"
-    twice = np.count_nonzero(shown_twice(time, zone)) if zone else 0
-    if not twice:
-        return text
-    return f"{text}; {twice} in an hour that the clock showed twice, taken as the later: they may be an hour too late"
-
-
-def _check_unnamed_kinds(table: Table, named: set[str], settings: RecordSlice) -> None:
-    """Raise InputError for a column that the settings do not name and whose cells mark events as not seismic."""
-    limits, kept = settings.filter, kept_words(settings)
-    filtered = {*((limits and limits.only) or ()), *((limits and limits.without) or ())}
-    for name in table.rows:
-        if name in named or name in filtered:
-            continue
-        cells = table.text(name).value_counts()
-        for kind in (EVENT_TYPE, STATUS):
-            words = {cell: plain_word(cell) for cell in cells.index}
-            found = [cell for cell, word in words.items() if is_left_out(kind, word) and word not in kept]
-            if found:
-                raise InputError(
-                    f"{table.source}: column {name!r}: {cells[found[0]]} of {len(table.rows)} rows are {found[0]!r}, "
-                    f"no seismicity: say record.columns.{kind}: {name} to leave such out, or record.filter.keep: "
-                    f"[{found[0]}] to count them"
-                )
-
-
-def _check_codes(key: str, codes: np.ndarray, factor: float, settings: RecordSlice) -> None:
-    """Raise InputError where usual codes of a missing value may as well be coordinates, of this domain.
-
-    Outside the domain the question does not arise: the event is left out either way.
-    """
-    axis, up = ("z", -1.0) if key == "depth" else (key, 1.0)
-    domain = settings.domain
-    axes = (domain.plane or "xyz") if domain else ""
-    if axis not in MINE_COORDINATES or axis not in axes:
-        return
-    low, high = (corner[axes.index(axis)] for corner in (domain.lower, domain.upper))
-    place = up * factor * codes
-    inside = (low <= place) & (place <= high)
-    if inside.any():
-        raise InputError(
-            f"{settings.file}: column {getattr(settings.columns, key)!r}: {codes[inside][0]:g} stands for a missing "
-            f"value in many files, and lies in this domain ({int(inside.sum())} such); say it with record.missing: a "
-            "list of the numbers that do, [] if none does"
-        )
 
 
 def _check_logarithm(key: str, name: str, values: np.ndarray, settings: RecordSlice) -> None:
@@ -287,38 +252,6 @@ def _check_logarithm(key: str, name: str, values: np.ndarray, settings: RecordSl
             f"record's sizes: name the column in record.columns.log_{key} if it holds their logarithm, or its unit in "
             f"record.units.{key} if it does not"
         )
-
-
-def _times(
-    table: Table, columns: Mapping, numbers: Mapping, settings: RecordSlice, codes: Sequence[float]
-) -> tuple[np.ndarray, int]:
-    """UTC times (event,) datetime64[ns] of a column, of date, clock and offset, or of parts; how many had no offset."""
-    names = settings.columns.names_of_time()
-    if not names:
-        parts = {part: numbers[part] for part in DATE_PARTS if part in numbers}
-        time, local = times_of_parts(parts, settings.time_zone)
-        wrong = np.isnat(time) & np.all([np.isfinite(values) for values in parts.values()], axis=0)
-        if wrong.any():
-            date = ", ".join(f"{values[wrong][0]:g}" for values in parts.values())
-            table.refuse(wrong, columns["year"], f"({date}) is not a date and time", "correct it")
-        return time, local
-    if settings.time_format:
-        found = [table.numbers(name) for name in names]
-        days = np.sum([np.where(np.isin(values, codes), np.nan, values) for values in found], axis=0)
-        return times_of_numbers(days, settings.time_format, settings.time_zone, f"{table.source}: column {names[0]!r}")
-    text = table.text(names[0])
-    there = text != ""
-    for name in names[1:]:
-        text = text + " " + table.text(name)
-        there &= table.text(name) != ""
-    where = f"{table.source}: column {names[0]!r}"
-    time, local = parse_times(text.where(there, ""), settings.date_order, settings.time_zone, where)
-    wrong = np.isnat(time) & there.to_numpy()
-    if wrong.any():
-        is_number = re.fullmatch(r"[-+]?\d+[.,]?\d*", text[wrong].iloc[0])
-        remedy = f"say record.time_format: {', '.join(EPOCHS)}" if is_number else "write 2019-08-01T12:00:00"
-        table.refuse(wrong, names[0], f"({text[wrong].iloc[0]}) is not a date and time", remedy)
-    return time, local
 
 
 def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: RecordSlice) -> np.ndarray:

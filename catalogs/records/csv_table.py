@@ -7,6 +7,7 @@ configuration.
 
 import codecs
 import csv
+import difflib
 import io
 import logging
 import re
@@ -18,24 +19,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from catalogs.records.csv_units import unit_quantity
 from catalogs.records.settings import normalized
 from common.errors import InputError
-from common.quantities import units
-
-UNIT_PATTERN = r"[^\W\d_]+(?:\^?-?\d)?(?:[ */.\u00b7]+[^\W\d_]+(?:\^?-?\d)?)*"  # m, m3, N m, dyn.cm
-MAX_UNIT_LENGTH = 30  # characters
-
-
-def unit_quantity(text: str):
-    """Quantity (pint) of 1 in the unit that a text names; None if it names none. Arithmetic (9**9**9) is no unit."""
-    if len(text) > MAX_UNIT_LENGTH or not re.fullmatch(UNIT_PATTERN, text):
-        return None
-    plain = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", re.sub(r"[.\u00b7]", "*", text))
-    try:
-        return units().Quantity(1.0, plain)
-    except Exception:  # pint raises a dozen kinds for text that is not a unit
-        return None
-
 
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar"}
 MAX_PREAMBLE_LINES = 100  # Lines in which the header is searched.
@@ -54,12 +40,12 @@ CONTAINERS = {  # first bytes of what is no text
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
     b"\x1f\x8b": "a gzip archive",
 }
-UNIT_IN_NAME = re.compile(r".*(?:[\[(]\s*(?P<unit>[^\])]+?)\s*[\])]|/\s*(?P<after>[^/]+?))\s*$")
-UNIT_AT_END = re.compile(r".*[^\W_][_ ](?P<unit>[A-Za-z]+)")  # depth_km
-ASK_ENCODING = (
-    "the file is not in UTF-8, and here its letters count; say its encoding with record.encoding, such as cp1252, gbk "
-    "or shift_jis"
-)
+NOT_UTF8 = "the file is not in UTF-8, and here its letters count; "
+ENCODING_REMEDY = (  # by whether a key can say it
+    "save it in UTF-8", "say its encoding with record.encoding, such as cp1252, gbk or shift_jis"
+)  # fmt: skip
+DECIMAL_REMEDY = "write decimal points, and nothing between thousands", "say it with record.decimal: comma or point"
+ZERO_BYTES_REMEDY = "", ", or say record.encoding: utf-16-le if it is that"
 
 
 @dataclass
@@ -67,14 +53,15 @@ class Table:
     """Rows of text as they stand in the file, one per event; `source` names the file in errors.
 
     decimal: "comma", "point", or None: to be found. sure: whether its encoding is known, and not only assumed
-    of western Europe. units: by column, from a line below the header. repeated (event,)
-    bool: rows that repeat an earlier one in every column.
+    of western Europe. has_keys: whether keys of `record` can answer questions. units: by column, from a line below the
+    header. repeated (event,) bool: rows that repeat an earlier one in every column.
     """
 
     rows: pd.DataFrame
     source: str
     decimal: str | None = None
     sure: bool = True
+    has_keys: bool = True
     units: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -91,7 +78,9 @@ class Table:
         text = self.text(name)
         foreign = text[~text.map(str.isascii)]
         if not self.sure and len(foreign):
-            raise InputError(f"{self.source}: column {name!r}: {foreign.iloc[0]!r}?: {ASK_ENCODING}")
+            raise InputError(
+                f"{self.source}: column {name!r}: {foreign.iloc[0]!r}?: {NOT_UTF8}{ENCODING_REMEDY[self.has_keys]}"
+            )
         return text
 
     def numbers(self, name: str, strict: bool = True) -> np.ndarray:
@@ -134,8 +123,8 @@ class Table:
         either = fits["comma"] & fits["point"] & text.str.contains(",", regex=False)
         if either.any() and not comma.any() and not point.any():
             raise InputError(
-                f"{self.source}: {text[either].iloc[0]!r}: a decimal comma, or thousands? say it with record.decimal: "
-                "comma or point"
+                f"{self.source}: {text[either].iloc[0]!r}: a decimal comma, or thousands? "
+                f"{DECIMAL_REMEDY[self.has_keys]}"
             )
         self.decimal = "comma" if comma.any() else "point"
 
@@ -149,33 +138,6 @@ class Table:
             self.units = {name: text for name, text in first.items() if text}
             self.rows = self.rows.iloc[1:].reset_index(drop=True)
 
-    def factor(self, key: str, name: str, unit: str, given: str | None) -> float:
-        """Factor that converts the numbers of a column of kind `key` to `unit`.
-
-        Its own unit is `given`, else what stands in brackets or after a stroke behind its name ("Depth/km") or in a
-        line below the header, if that is a unit of that kind; else it is assumed to be `unit`. Raises InputError where
-        the unit is of another kind, or where the name ends as another one: depth_km.
-        """
-        text = given or self.units.get(name)
-        quantity = unit_quantity(text) if text else None
-        if text and quantity is not None and not quantity.check(unit):
-            raise InputError(
-                f"{self.source}: column {name!r} is in {text}, which is not convertible to {unit}; name another "
-                "column, or its unit in record.units"
-            )
-        if given and quantity is None:
-            raise InputError(f"record.units: {given!r} is not a unit; expected one like {unit}")
-        if not text and (in_name := UNIT_IN_NAME.fullmatch(name)):
-            quantity = unit_quantity(in_name["unit"] or in_name["after"])
-        elif not text and not key.startswith("log_") and (at_end := UNIT_AT_END.fullmatch(name)):  # log P is no unit
-            maybe = unit_quantity(at_end["unit"])
-            if maybe is not None and maybe.check(unit) and maybe.to(unit).magnitude != 1.0:
-                raise InputError(
-                    f"{self.source}: column {name!r}: is it in {at_end['unit']}? Say it with record.units: "
-                    f"{{{key}: {at_end['unit']}}}, or {{{key}: {unit}}}"
-                )
-        return float(quantity.to(unit).magnitude) if quantity is not None and quantity.check(unit) else 1.0
-
 
 def _bare(text: pd.Series) -> pd.Series:
     """Numbers with a plain minus sign, and without blanks or apostrophes between thousands."""
@@ -183,24 +145,32 @@ def _bare(text: pd.Series) -> pd.Series:
 
 
 def read_table(
-    path: Path, named: Mapping[str, str], numeric: Iterable[str], decimal: str | None, encoding: str | None = None
+    path: Path,
+    named: Mapping[str, str],
+    numeric: Iterable[str],
+    decimal: str | None = None,
+    encoding: str | None = None,
+    has_keys: bool = True,
 ) -> Table:
     """The table of a CSV file that has the columns `named` (by the key that names each); `numeric` hold numbers.
 
     Lines that begin with # are comments, but for a header (FDSN's text has one). A header without a row is a record
-    without an event. Raises InputError, one line: not readable, not text, in an encoding that is not known where that
-    counts, a column missing or there twice.
+    without an event. has_keys: whether the user can answer questions with keys of `record`. Raises InputError, one
+    line: not readable, not text, in an encoding that is not known where that counts, columns missing or there twice.
     """
-    text, sure = _decoded(path, encoding)
+    text, sure = _decoded(path, encoding, has_keys)
     lines = [line for line in text.splitlines() if line.strip(" \t\r,;|")]
     if all(line.startswith("#") for line in lines):
         raise InputError(f"{path}: not a readable CSV file (it is empty); give a table with a header")
     place, separator, header = _header(lines, set(named))
-    for name, key in named.items():
-        if name not in header:
-            if not sure and not all(map(str.isascii, (name, *header))):
-                raise InputError(f"{path}: column {name!r} ({key}) is not found: {ASK_ENCODING}")
-            raise InputError(f"{path}: column {name!r} ({key}) is missing; it has {', '.join(filter(None, header))}")
+    if missing := {name: key for name, key in named.items() if name not in header}:
+        foreign = next((name for name in missing if not name.isascii()), next(iter(missing)))
+        if not sure and not all(map(str.isascii, (*missing, *header))):
+            raise InputError(
+                f"{path}: column {foreign!r} ({missing[foreign]}) is not found: {NOT_UTF8}{ENCODING_REMEDY[has_keys]}"
+            )
+        raise InputError(f"{path}: {_missing_columns(missing, header)}")
+    for name in named:
         if header.count(name) > 1:
             raise InputError(f"{path}: column {name!r} is there {header.count(name)} times; name each its own way")
     body = "\n".join(line for line in lines[place + 1 :] if not line.startswith("#"))
@@ -215,10 +185,22 @@ def read_table(
         rows = pd.DataFrame(columns=_unique_names(header), dtype=str)
     except (ValueError, pd.errors.ParserWarning) as error:  # pandas' parser errors are ValueErrors
         raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
-    table = Table(rows, str(path), decimal, sure)
+    table = Table(rows, str(path), decimal, sure, has_keys)
     table.take_units(list(numeric))
     logging.info("%s: %d rows, separated by %s", path, len(rows), SEPARATORS[separator])
     return table
+
+
+def _missing_columns(missing: Mapping[str, str], header: list[str]) -> str:
+    """All columns that are missing, each with its key and the name that may be meant; the names that there are."""
+    plain = {name.casefold(): name for name in header if name}
+    listed = []
+    for name, key in missing.items():
+        near = difflib.get_close_matches(name.casefold(), plain, n=1)
+        listed.append(f"{name!r} ({key}{f'; did you mean {plain[near[0]]}?' if near else ''})")
+    many = len(listed) > 1
+    text = f"column{'s' * many} {', '.join(listed)} {'are' if many else 'is'} missing"
+    return f"{text}; it has {', '.join(filter(None, header))}"
 
 
 def check_container(content: bytes, path: Path, expected: str) -> None:
@@ -228,7 +210,7 @@ def check_container(content: bytes, path: Path, expected: str) -> None:
             raise InputError(f"{path}: {what}, not a {expected} file; unpack it, or export it as {expected}")
 
 
-def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
+def _decoded(path: Path, encoding: str | None, has_keys: bool) -> tuple[str, bool]:
     """The text of a file, and whether its encoding is known: as named, UTF-8, or UTF-16 and UTF-32 with their mark.
 
     Else it is assumed to be that of western Europe, which is right for letters of ASCII. Raises InputError.
@@ -257,8 +239,8 @@ def _decoded(path: Path, encoding: str | None) -> tuple[str, bool]:
         raise InputError(f"{path}: begins as {marked[0]} and is not; export the table as text")
     if "\0" in text:
         raise InputError(
-            f"{path}: not a readable CSV file (it holds zero bytes); export the table as text, or say record.encoding: "
-            "utf-16-le if it is that"
+            f"{path}: not a readable CSV file (it holds zero bytes); export the table as text"
+            f"{ZERO_BYTES_REMEDY[has_keys]}"
         )
     logging.info("%s: read as %s", path, encoding)
     return text, encoding not in ("cp1252", "latin-1")

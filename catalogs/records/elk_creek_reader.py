@@ -23,7 +23,7 @@ from pydantic import model_validator
 from catalogs.records import settings as record_settings
 from catalogs.records.filters import distance_beyond, domain_box, filter_events, limits_of
 from catalogs.records.settings import Box, DomainBox, LocationError
-from catalogs.records.times import parse_time
+from catalogs.records.times import check_offset, parse_time
 from common.errors import InputError
 from common.event_table import new_catalog
 from common.setting_types import Settings, Size, Unit, refusal
@@ -44,7 +44,8 @@ CAVEATS = (
 )
 
 COORDINATES = ["Location X", "Location Y", "Location Z"]
-IMS_COLUMNS = ["Date", *COORDINATES, "Moment Total"]
+DATE = "Date"
+IMS_COLUMNS = [DATE, *COORDINATES, "Moment Total"]
 TENSOR_COLUMNS = {
     (0, 0): "Moment Tensor XxXyXz X",
     (0, 1): "Moment Tensor XxXyXz Y",
@@ -53,7 +54,7 @@ TENSOR_COLUMNS = {
     (1, 2): "Moment Tensor YyYzZz Y",
     (2, 2): "Moment Tensor YyYzZz Z",
 }
-ROCKSIGMA_COLUMNS = ["Date", *COORDINATES, "Location Error", *TENSOR_COLUMNS.values()]
+ROCKSIGMA_COLUMNS = [DATE, *COORDINATES, "Location Error", *TENSOR_COLUMNS.values()]
 
 
 class OrientationSettings(Settings):
@@ -288,11 +289,38 @@ def _read_parquet(folder: Path, columns: list[str]) -> pd.DataFrame:
             raise InputError(f"{path}: column {missing[0]!r} is missing; the file has {', '.join(map(str, frame))}")
         frames.append(frame)
     frame = pd.concat(frames, ignore_index=True)
-    try:
-        frame["time"] = pd.to_datetime(frame["Date"], format="ISO8601").astype("datetime64[ns]")
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{folder}: Date: {error}; expected ISO 8601") from error
+    for name in columns:
+        if name != DATE:
+            frame[name] = _numbers(frame[name], folder)
+    frame["time"] = _utc(frame[DATE], folder)
     if frame["time"].isna().any() or frame[COORDINATES].isna().any(axis=None):
         bad = int((frame["time"].isna() | frame[COORDINATES].isna().any(axis=1)).sum())
         raise InputError(f"{folder}: {bad} events without a date or with NaN locations; remove them")
     return frame.sort_values("time", kind="stable", ignore_index=True)
+
+
+def _numbers(values: pd.Series, folder: Path) -> pd.Series:
+    """A column as numbers, NaN where empty. Raises InputError for what is none."""
+    numbers = pd.to_numeric(values, errors="coerce")
+    wrong = numbers.isna() & values.notna()
+    if wrong.any():
+        raise InputError(
+            f"{folder}: column {values.name!r}: {str(values[wrong].iloc[0])[:60]!r} is not a number "
+            f"({int(wrong.sum())} such); copy the files again"
+        )
+    return numbers.astype(float)
+
+
+def _utc(dates: pd.Series, folder: Path) -> pd.Series:
+    """ISO 8601 text, mixed forms, as UTC (event,) datetime64[ns], NaT where empty. Raises InputError for another."""
+    text = dates.astype("string").str.strip()
+    for date in text.dropna().unique():
+        check_offset(date, f"{folder}: column {DATE!r}")
+    time = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
+    wrong = time.isna() & text.notna()
+    if wrong.any():
+        raise InputError(
+            f"{folder}: column {DATE!r}: {text[wrong].iloc[0][:60]!r} is not a date and time ({int(wrong.sum())} "
+            "such); expected ISO 8601"
+        )
+    return time.dt.tz_localize(None).astype("datetime64[ns]")

@@ -1,121 +1,24 @@
 """The part of a record that is compared: complete events, a box, dates, sizes, quality columns, the model's domain.
 
 Each keeps its count before and after, so that the report can say what was left out.
-
-Seismic is rock that breaks or slips, of any cause. All other events are left out and counted. Event types are those of
-QuakeML 1.2 (Storchak et al. 2012) and words that mines' systems write. Types that say nothing count: "not reported" is
-what QuakeML 1.2 made of the "null" of its forerunners. A word that is not known here, and one that holds blasts as well
-as tremors ("anthropogenic event"), is refused until the configuration says which it is.
 """
 
 import json
 import logging
-import re
-import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from catalogs.records.event_kinds import EVENT_TYPE, no_seismicity, plain_word, types_text
 from catalogs.records.settings import DomainBox, RecordSlice
 from catalogs.records.times import parse_time, recorded_period
 from common.errors import InputError
 
-EVENT_TYPE, STATUS, MODE = "event_type", "evaluation_status", "evaluation_mode"  # kinds of text
-SEISMIC_WORDS = {
-    EVENT_TYPE: {
-        "", "null", "not reported", "earthquake", "induced or triggered event", "rock burst", "reservoir loading",
-        "fluid injection", "fluid extraction", "collapse", "cavity collapse", "mine collapse",
-        "induced earthquake", "seismic event", "microseismic event", "tremor", "rockburst", "fall of ground",
-    },
-    STATUS: {"", "preliminary", "confirmed", "reviewed", "final", "automatic", "manual"},
-}  # fmt: skip
-NOT_SEISMIC_WORDS = {
-    EVENT_TYPE: {
-        "not existing", "building collapse", "explosion", "accidental explosion", "chemical explosion",
-        "controlled explosion", "experimental explosion", "industrial explosion", "mining explosion", "quarry blast",
-        "road cut", "blasting levee", "nuclear explosion", "crash", "plane crash", "train crash", "boat crash",
-        "atmospheric event", "sonic boom", "sonic blast", "acoustic noise", "thunder", "avalanche", "snow avalanche",
-        "debris avalanche", "hydroacoustic event", "ice quake", "slide", "landslide", "rockslide", "meteorite",
-        "volcanic eruption", "duplicate", "not locatable", "outside of network interest",
-    },
-    STATUS: {"rejected", "deleted"},
-}  # fmt: skip
-# Last words of other types: production blast, electrical noise.
-NOT_SEISMIC_ENDINGS = ("blast", "blasting", "explosion", "noise")
-KIND_PREFIX = {EVENT_TYPE: "of type ", STATUS: ""}
-
-
-def plain_word(text: str) -> str:
-    """A word as it is compared: upper and lower case, _ and blanks are the same."""
-    return re.sub(r"[\s_]+", " ", unicodedata.normalize("NFC", text)).strip().casefold()
-
-
-def is_left_out(kind: str, word: str) -> bool:
-    """True if a plain word of this kind (EVENT_TYPE, STATUS) says that an event is no seismicity."""
-    ends = kind == EVENT_TYPE and word.split(" ")[-1] in NOT_SEISMIC_ENDINGS
-    return word in NOT_SEISMIC_WORDS[kind] or ends
-
-
-def kept_words(settings: RecordSlice) -> set[str]:
-    """Plain words of the kinds that are compared although they are not seismic."""
-    return {plain_word(text) for text in _listed(settings.filter.keep if settings.filter else None)}
-
-
-def no_seismicity(kinds: Mapping[str, NDArray], settings: RecordSlice, source: str) -> dict[str, NDArray]:
-    """Events that are no seismicity: {"of type quarry blast": (event,) bool, "rejected": ...}.
-
-    kinds: of EVENT_TYPE and STATUS those that the record has, (event,) texts. settings.filter.keep, and what
-    settings.filter.only names, count all the same. Raises InputError for a word of which nobody said what it means.
-    """
-    limits, kept = settings.filter, kept_words(settings)
-    found = {}
-    for kind, texts in kinds.items():
-        names = settings.names_of_text(kind)
-        only, without = (
-            [plain_word(text) for name, listed in (getattr(limits, key, None) or {}).items() if name in names
-             for text in _listed(listed)]
-            for key in ("only", "without")
-        )  # fmt: skip
-        words = np.array([plain_word(text) for text in texts], dtype=object)
-        for word in dict.fromkeys(words):
-            here = words == word
-            if word in kept or word in only:
-                continue
-            if is_left_out(kind, word):
-                found[f"{KIND_PREFIX[kind]}{word}"] = here
-            elif word not in SEISMIC_WORDS[kind] and word not in without and not only:
-                raise InputError(
-                    f"{source}: {int(here.sum())} of {len(words)} events are {KIND_PREFIX[kind]}{word!r}: is that rock "
-                    f"that broke? Name it in record.filter.keep if they count, in record.filter.without.{kind} if they "
-                    "do not"
-                )
-    if found:
-        left_out = ", ".join(f"{int(here.sum())} {what}" for what, here in found.items())
-        logging.warning("%s: left out: %s; record.filter.keep counts what it names", source, left_out)
-    return found
-
-
-def types_text(types: NDArray) -> str:
-    """Numbers of events by type, most frequent first, in a list for a sentence; empty where no type is given.
-
-    types (event,): types as the file has them.
-    """
-    words, counts = np.unique([plain_word(text) for text in types], return_counts=True)
-    if not any(words):
-        return ""
-    order = np.argsort(-counts, kind="stable")
-    return ", ".join(f"{counts[place]} {words[place] or 'without a type'}" for place in order)
-
-
-def _listed(value: str | tuple[str, ...] | None) -> list[str]:
-    return [value] if isinstance(value, str) else list(value or ())
-
-
 DOMAIN_FILTER = "domain"
 MAX_WIDTHS_FROM_DOMAIN = 10.0  # Farther from the domain than so many of its widths, coordinates are not the mine's.
 MAX_SHARE_OUTSIDE_UNTOLD = 0.1  # A larger share of events outside the domain is a warning.
+MAX_TEXTS_SHOWN = 6  # Texts of a column that a message shows.
 MAX_COORDINATE = 1e8  # m, more than twice the circumference of the Earth.
 
 
@@ -187,8 +90,14 @@ def filter_events(
     if chosen.get("end"):
         attributes["stated_end"] = str(chosen["end"])
     account = []
-    for key, value, passes in _conditions(events, limits_of(settings), columns, words, where):
+    limits = limits_of(settings)
+    _check_columns(limits, columns, words, where)
+    for key, value, passes in _conditions(events, limits, columns, words, where):
         before = int(kept.sum())
+        if unknown := _without_value(key, kept, columns):
+            logging.warning(
+                "%s.%s: %d of %d events have no value in this column and are left out", where, key, unknown, before
+            )
         kept &= passes
         after = int(kept.sum())
         account.append({"filter": key, "value": value, "before": before, "after": after})
@@ -346,15 +255,45 @@ def _conditions(events: xr.Dataset, settings: Mapping, columns: Mapping, words: 
         yield "minimum_potency", smallest, events["potency"].values >= smallest
     for key, inside in (("maximum", np.less_equal), ("minimum", np.greater_equal)):
         for column, bound in (settings.get(key) or {}).items():
-            if column not in columns:
-                raise InputError(
-                    f"{where}.{key}.{column}: no such column of numbers; the file has {', '.join(columns)}"
-                )
             yield f"{key}.{column}", float(bound), inside(np.asarray(columns[column], float), float(bound))
     for key in ("only", "without"):
         for column, listed in (settings.get(key) or {}).items():
-            if column not in words:
-                raise InputError(f"{where}.{key}.{column}: no such column; the file has {', '.join(words)}")
             texts = [listed] if isinstance(listed, str) else list(listed)
-            found = np.isin([plain_word(word) for word in words[column]], [plain_word(text) for text in texts])
+            there = np.array([plain_word(word) for word in words[column]], dtype=object)
+            if absent := [text for text in texts if plain_word(text) not in there]:
+                logging.warning(
+                    "%s.%s.%s: no event has %s; there are %s",
+                    where, key, column, _quoted(absent), _quoted(dict.fromkeys(words[column])),
+                )  # fmt: skip
+            found = np.isin(there, [plain_word(text) for text in texts])
             yield f"{key}.{column}", texts, found if key == "only" else ~found
+
+
+def _check_columns(settings: Mapping, columns: Mapping, words: Mapping, where: str) -> None:
+    """Raise InputError, naming all of them at once, for columns that filters name and the file does not have."""
+    for kinds, there, what in ((("maximum", "minimum"), columns, " of numbers"), (("only", "without"), words, "")):
+        named = [(f"{where}.{key}.{name}", name) for key in kinds for name in settings.get(key) or {}]
+        absent = [(key, name) for key, name in named if name not in there]
+        if text := next((key for key, name in absent if name in words), None):
+            values = words[text.removeprefix(where).split(".", 2)[2]]
+            raise InputError(
+                f"{text}: no column{what}, but of text: {_quoted(dict.fromkeys(values))}; filter it by "
+                f"record.filter.only or record.filter.without. Columns of numbers are {', '.join(columns)}"
+            )
+        if absent:
+            many = "columns" if len(absent) > 1 else "column"
+            keys = ", ".join(key if number == 0 else key.removeprefix(where) for number, (key, _) in enumerate(absent))
+            raise InputError(f"{keys}: no such {many}{what}; the file has {', '.join(there)}")
+
+
+def _without_value(key: str, kept: np.ndarray, columns: Mapping) -> int:
+    """Number of the events kept so far (event,) bool that have no number in the column of a filter, maximum.q."""
+    kind, _, column = key.partition(".")
+    return int(np.isnan(np.asarray(columns[column], float))[kept].sum()) if kind in ("maximum", "minimum") else 0
+
+
+def _quoted(texts: Iterable[str]) -> str:
+    """The first few of some texts in quotation marks, separated by commas."""
+    listed = list(texts)
+    shown = ", ".join(repr(text) for text in listed[:MAX_TEXTS_SHOWN])
+    return shown + (f" and {len(listed) - MAX_TEXTS_SHOWN} more" if len(listed) > MAX_TEXTS_SHOWN else "")

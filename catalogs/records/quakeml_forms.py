@@ -11,7 +11,8 @@ from lxml import etree
 from obspy.core.event.header import EventType
 
 from catalogs.records.csv_table import check_container
-from catalogs.records.filters import MODE, STATUS, plain_word
+from catalogs.records.event_kinds import MODE, STATUS, plain_word
+from catalogs.records.times import check_offset
 from common.errors import InputError
 
 NAMESPACE_START = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin
@@ -48,6 +49,8 @@ def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
         word = _plain(kind)
         if kind is not None:
             kind.text = word if word in EventType.keys() else None
+        for time in event.iterfind(f"{{{BODY}}}origin/{{{BODY}}}time/{{{BODY}}}value"):
+            check_offset((time.text or "").strip(), f"{path}: event {len(words) + 1}")
         origins = event.iterfind(f"{{{BODY}}}origin")
         words.append(Words(event.get("publicID", ""), word, tuple(_statuses(origin) for origin in origins)))
         for part in event.iter(*(f"{{{BODY}}}{tag}" for tag in STATUS_TAGS)):

@@ -15,13 +15,13 @@ from catalogs.records.build import (
     build_record,
     check_sizes,
     is_convertible,
-    is_moment_type,
     moment_magnitudes,
     sizes_text,
 )
-from catalogs.records.csv_table import unit_quantity
-from catalogs.records.filters import EVENT_TYPE, MODE, STATUS, filter_events, kept_words
-from catalogs.records.settings import EventFileSettings, EventFileSlice, LocationError
+from catalogs.records.csv_units import unit_quantity
+from catalogs.records.event_kinds import EVENT_TYPE, MODE, STATUS, kept_words
+from catalogs.records.filters import filter_events
+from catalogs.records.settings import EventFileSettings, EventFileSlice, LocationError, is_moment_type
 from catalogs.records.times import FIRST_YEAR, LAST_YEAR
 from common.errors import InputError
 from common.event_table import LOCATION_UNCERTAINTY
@@ -84,7 +84,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     of these none whose evaluation status is rejected; an event is rejected where no other origin is there or the
     preferred one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a
     conversion is stated; of several the preferred one, else the first. Events that are no seismicity
-    (catalogs.records.filters) and those without a time, a place or a size are left out and counted, and so is
+    (catalogs.records.event_kinds) and those without a time, a place or a size are left out and counted, and so is
     one whose publicID is there before. Depth is in m, unless settings.units says otherwise. Location errors that
     origins state are kept (catalogs.records.quakeml_events). A file written by catalogs.sources.quakeml keeps its x, y,
     z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe, magnitudes of

@@ -19,6 +19,8 @@ from common.setting_types import (
     refusal,
 )
 
+MOMENT_TYPES = ("mw", "mww", "mwc", "mwb", "mwr", "mwp")
+
 Numbers = dict[str, real_number()]  # by column of the file
 Text = choose(is_list, Annotated[tuple[str, ...], Field(min_length=1), AsTuple, EachOnce], str)
 Words = dict[str, Text]
@@ -49,9 +51,11 @@ class FilterSettings(Settings):
     minimum_potency: Annotated[float, Unit("m^3", ge=0, le=1e20)] = None
     """Smallest potency of an event that is compared."""
     maximum: Numbers = None
-    """Largest value that is compared, by the name of a column of the file."""
+    """Largest value that is compared, by the name of a column of the file. Events without a number in that column are
+    left out and counted."""
     minimum: Numbers = None
-    """Smallest value that is compared, by the name of a column of the file."""
+    """Smallest value that is compared, by the name of a column of the file. Events without a number in that column are
+    left out and counted."""
     only: Words = None
     """Texts of the events that are compared, by the name of a column of the file: {status: [manual, reviewed]}. Events
     with another text are left out."""
@@ -84,13 +88,15 @@ class EventFileSettings(RecordSettings):
     """Whether the record was computed by a model."""
     conversions: dict[str, choose(is_section, Conversion, Literal["none"])] = None
     """Conversion of magnitudes of other types to Mw: {ML: {slope: 0.9, offset: 0.2}}. `none`: events of that type are
-    left out."""
+    left out. Moment magnitudes (Mw, Mww, Mwc ...) have none."""
 
     @model_validator(mode="after")
     def _converted_once(self) -> Self:
         names = [normalized(name) for name in self.conversions or {}]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise refusal("this type stands there twice, but for blanks around it; leave one out", "conversions", twice)
+        if moment := next((name for name in names if is_moment_type(name)), None):
+            raise refusal("is a moment magnitude already and is read as it stands; leave it out", "conversions", moment)
         return self
 
 
@@ -131,6 +137,11 @@ class RecordSlice(RecordSettings):
 
 class EventFileSlice(EventFileSettings, RecordSlice):
     """The slice of a record in one file."""
+
+
+def is_moment_type(kind: str) -> bool:
+    """True if a magnitude type is a moment magnitude, whichever way it was measured."""
+    return kind.strip().lower() in MOMENT_TYPES
 
 
 def normalized(name: str) -> str:

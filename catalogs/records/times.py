@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from common.errors import InputError
 
@@ -30,6 +30,7 @@ SECOND = r"(?::?(?P<whole>\d{2})(?:[.,](?P<fraction>\d+))?)?"
 CLOCK = r"(?:[T ,;]+(?P<hour>\d{1,2}):?(?P<minute>\d{2})" + SECOND + r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?)?"
 OFFSET = r"\s*(?:\(?(?:UTC|GMT)?(?P<sign>[-+])(?P<ahead>\d{1,2}):?(?P<minutes>\d{2})?\)?|(?P<zulu>Z|UTC|GMT))?"
 PATTERN = re.compile(f"{DATE}{CLOCK}{OFFSET}", re.IGNORECASE)
+OFFSET_OF_ISO = re.compile(r"[T ]\d[\d:.,]*\s*([-+\u2212])(\d{1,2})(?::?(\d{2}))?(?::\d{2}(?:\.\d+)?)?$", re.IGNORECASE)
 DAY, ONE_SECOND, MILLISECOND, MICROSECOND = (
     np.timedelta64(size, "ns") for size in (86_400 * 10**9, 10**9, 10**6, 10**3)
 )
@@ -44,16 +45,42 @@ CLOCK_PARTS = {
     "minute": (60 * ONE_SECOND, 60),
     "second": (ONE_SECOND, 61),
 }  # unit, below
+# Offsets from UTC, minutes: those in use, west of the date line and east of it.
+FIRST_OFFSET, LAST_OFFSET, OFFSET_STEP = -12 * 60, 14 * 60, 15
 NANOSECONDS_PER = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
+
+
+def is_offset(hours: ArrayLike, minutes: ArrayLike, west: ArrayLike) -> NDArray:
+    """True where hours and minutes ahead of UTC (west: behind it) are what clocks somewhere have; of any shape."""
+    hours, minutes = np.asarray(hours, float), np.asarray(minutes, float)
+    ahead = np.where(west, -1, 1) * (60 * hours + minutes)
+    return (minutes < 60) & (minutes % OFFSET_STEP == 0) & (ahead >= FIRST_OFFSET) & (ahead <= LAST_OFFSET)
+
+
+def check_offset(text: str, where: str) -> None:
+    """Raise InputError for a date and time in ISO 8601 whose offset from UTC no clock has."""
+    found = OFFSET_OF_ISO.search(text)
+    if found and not is_offset(int(found[2]), int(found[3] or 0), found[1] != "+"):
+        raise offset_refusal(text, where)
+
+
+def offset_refusal(text: str, where: str) -> InputError:
+    """The error for a text whose offset from UTC is none; where: file and column, or key."""
+    return InputError(
+        f"{where}: {text[:60]!r}: no clock has this offset from UTC; they run from -12:00 to +14:00 in quarters of an "
+        "hour"
+    )
 
 
 def check_zone(zone: str) -> datetime.tzinfo:
     """The time zone of an IANA name ("Australia/Hobart") or an offset ("+10:00"). Raises InputError."""
     fixed = re.fullmatch(r"(?:UTC|GMT)?([-+])(\d{1,2}):?(\d{2})?", zone)
     if fixed:
-        ahead = datetime.timedelta(hours=int(fixed[2]), minutes=int(fixed[3] or 0))
-        if ahead < datetime.timedelta(hours=24):
-            return datetime.timezone(ahead if fixed[1] == "+" else -ahead)
+        hours, minutes = int(fixed[2]), int(fixed[3] or 0)
+        if not is_offset(hours, minutes, fixed[1] == "-"):
+            raise offset_refusal(zone, "record.time_zone")
+        ahead = datetime.timedelta(hours=hours, minutes=minutes)
+        return datetime.timezone(ahead if fixed[1] == "+" else -ahead)
     try:
         return ZoneInfo(zone)
     except (ValueError, OSError, LookupError) as error:
@@ -64,8 +91,9 @@ def check_zone(zone: str) -> datetime.tzinfo:
 
 def parse_time(text: str, where: str) -> np.datetime64:
     """ISO 8601 text as UTC, ns; a time zone is converted, text without one is UTC. Raises InputError naming `where`."""
+    check_offset(text, where)
     try:
-        moment = pd.Timestamp(text)
+        moment = pd.Timestamp(text if text[:1].isdigit() else None)  # it also reads "now"
     except (ValueError, TypeError) as error:
         raise InputError(f"{where}: {text!r} is not an ISO date") from error
     if moment is pd.NaT:
@@ -111,8 +139,13 @@ def parse_times(text: pd.Series, order: str | None, zone: str | None, source: st
     )
     days = pd.to_datetime(dated, errors="coerce").to_numpy("datetime64[ns]")
     time = days + _time_of_day(parts)
-    offset = (_numbers(parts["ahead"]) * 60 + _numbers(parts["minutes"]).fillna(0)).fillna(0).to_numpy()
-    time -= np.where(parts["sign"] == "-", -offset, offset).astype("timedelta64[m]").astype("timedelta64[ns]")
+    ahead, minutes = (_numbers(parts[name]).fillna(0).to_numpy() for name in ("ahead", "minutes"))
+    west = (parts["sign"] == "-").to_numpy()
+    odd = ~is_offset(ahead, minutes, west)
+    if odd.any():
+        raise offset_refusal(text[odd].iloc[0], source)
+    offset = np.where(west, -1, 1) * (60 * ahead + minutes)
+    time -= offset.astype("timedelta64[m]").astype("timedelta64[ns]")
     local = (parts["sign"].isna() & parts["zulu"].isna()).to_numpy()
     if zone is not None:
         time[local] = _to_utc(time[local], zone)

@@ -55,7 +55,8 @@ def find_law(x: NDArray, cut: float, bin_width: float, resamplings: int, generat
     share = -np.diff(np.append(np.exp(-beta * width * np.arange(bins)), 0.0))
     counts = np.bincount(number, minlength=bins)
     drawn = generator.multinomial(count, share, size=resamplings)
-    rate = np.log1p(1 / (drawn @ np.arange(bins) / count)) / width
+    with np.errstate(divide="ignore"):  # all in the lowest bin: of infinite rate
+        rate = np.log1p(1 / (drawn @ np.arange(bins) / count)) / width
     p_value = _chance(
         _distance(counts[None], np.array([beta]), width, bins + 1), _distance(drawn, rate, width, bins + 1)
     )

@@ -4,6 +4,9 @@ Tests marked `elk_creek` read the recorded data (folder ELK_CREEK_DATA, else dat
 others read a tiny folder of the same layout whose answers are known.
 """
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import ezdxf
 import numpy as np
 import pandas as pd
@@ -15,11 +18,13 @@ from elk_creek_fixtures import ROOT, recorded_data, seam, write_tiny_mine
 from matplotlib.path import Path as Outline
 
 from catalogs.records import elk_creek_reader as record
+from catalogs.settings import FaceSettings
 from common.errors import InputError
 from mpm_core.geometry.shapes import build_shape
 from verification.extremes.tiny_mine import changed
 from verification.studies import merge
 from workflow.configuration import load
+from workflow.face_positions import face_positions
 from workflow.mines import elk_creek as mine
 from workflow.mines.longwall import seconds
 
@@ -154,7 +159,7 @@ def test_centroid_and_area_of_a_triangle_far_from_the_origin():
 def test_faults_of_the_geometry_are_told_in_one_line(folder):
     faces = folder / "face_positions.csv"
     faces.write_text(faces.read_text().replace("tailgate_y", "tailgate_why"))
-    with pytest.raises(InputError, match="'tailgate_y' is missing"):
+    with pytest.raises(InputError, match=r"column 'tailgate_y' .* is missing"):
         prisms_of(folder)
     (folder / "dxfs/placeholder_workings.dxf").write_text("no drawing")
     with pytest.raises(InputError, match="not a readable DXF"):
@@ -162,6 +167,109 @@ def test_faults_of_the_geometry_are_told_in_one_line(folder):
     faces.unlink()
     with pytest.raises(InputError, match=r"face_positions\.csv is missing"):
         prisms_of(folder)
+
+
+FACES = "local_date,headgate_x,headgate_y,tailgate_x,tailgate_y,panel,notes"
+ROWS = ["2010-01-01,70,240,0,0,1,", "2010-02-01,370,240,300,0,1,", "2010-03-01,570,240,500,0,1,"]
+
+
+def panels_of(folder, rows, header=FACES, change=lambda text: text, encoding="utf-8"):
+    text = change("\n".join([header, *rows]) + "\n")
+    (folder / "face_positions.csv").write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+    return mine.read_panels(folder)
+
+
+@pytest.mark.parametrize(
+    ("change", "encoding"),
+    [
+        (lambda text: text, "utf-8-sig"),
+        (lambda text: text.replace(",", ";"), "utf-8"),
+        (lambda text: text.replace(",", ";").replace("570", "570,0"), "utf-8"),
+        (lambda text: text.replace(",", "\t"), "utf-16"),
+        (lambda text: "faces of the mine\n\n" + text.replace("\n", "\r\n"), "utf-8"),
+        (lambda text: text.replace("notes\n", "notes\n,m,m,m,m,,\n"), "utf-8"),
+        (lambda text: text.replace("2010-02-01", "2010-02-01T00:00:00").replace(",1,", ", 1 ,"), "utf-8"),
+    ],
+)
+def test_face_positions_are_read_in_the_forms_that_records_are(folder, change, encoding):
+    (panel,) = panels_of(folder, ROWS, change=change, encoding=encoding)
+    assert panel.name == "1"
+    assert panel.headgate.tolist() == [[70, 240], [370, 240], [570, 240]]
+    assert panel.tailgate.tolist() == [[0, 0], [300, 0], [500, 0]]
+    assert panel.date.tolist() == [seconds(pd.Timestamp(f"2010-0{month}-01")) for month in (1, 2, 3)]
+
+
+def row(number: int, **cells) -> list[str]:
+    """The rows with other cells in one of them."""
+    names = FACES.split(",")
+    changed = ROWS[number - 1].split(",")
+    for name, text in cells.items():
+        changed[names.index(name)] = text
+    return [*ROWS[: number - 1], ",".join(changed), *ROWS[number:]]
+
+
+SPOILED = {  # rows, and the lines that say what is wrong
+    "date of another form": (row(3, local_date="01/03/2010"), ["row 3: column 'local_date': '01/03/2010' is no local"]),
+    "no such day": (row(2, local_date="2010-02-30"), ["row 2: column 'local_date': '2010-02-30' is not an ISO date"]),
+    "no date": (row(2, local_date=""), ["row 2: column 'local_date': is empty; write it as 2010-03-01"]),
+    "an offset": (row(2, local_date="2010-02-01T00:00:00+99:00"), ["row 2: column 'local_date': '2010-02-01T00"]),
+    "year 3010": (row(2, local_date="3010-02-01"), ["years run from 1678 to 2261"]),
+    "text": (row(2, headgate_x="far"), ["row 2: column 'headgate_x': 'far' is no coordinate in metres"]),
+    "empty": (row(1, tailgate_y=""), ["row 1: column 'tailgate_y': is empty"]),
+    "code": (row(1, tailgate_y="-999"), ["row 1: column 'tailgate_y': '-999' is no coordinate"]),
+    "endless": (row(1, tailgate_y="inf"), ["row 1: column 'tailgate_y': 'inf' is no coordinate"]),
+    "huge": (row(1, tailgate_y="1e300"), ["row 1: column 'tailgate_y': '1e300' is no coordinate"]),
+    "no panel": (row(3, panel=""), ["row 3: column 'panel': is empty"]),
+    "a path": (row(3, panel="../1"), ["row 3: column 'panel': '../1' is no name of a panel"]),
+    "twice": (row(3, local_date="2010-02-01"), ["row 3: column 'local_date': 2010-02-01 is not after 2010-02-01"]),
+    "order": (row(3, local_date="2009-03-01"), ["row 3: column 'local_date': 2009-03-01 is not after 2010-02-01"]),
+    "no length": (row(2, tailgate_x="370", tailgate_y="240"), ["row 2: headgate and tailgate are one point"]),
+    "alone": (row(3, panel="2"), ["panel 2: its face does not move"]),
+    "capitals": ([*row(3, panel="a"), ROWS[0].replace(",1,", ",A,")], ["'A' and 'a' differ in capitals alone"]),
+    "no rows": ([], ["no position of a face"]),
+    "all at once": (
+        ["soon,far,240,0,0,1,", *ROWS[1:]],
+        ["row 1: column 'headgate_x': 'far'", "row 1: column 'local_date': 'soon'"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPOILED)
+def test_spoiled_face_positions_are_told_by_row_and_column(folder, name):
+    """They ended in tracebacks of pandas, or were read as other positions."""
+    rows, lines = SPOILED[name]
+    with pytest.raises(InputError) as refused:
+        panels_of(folder, rows)
+    assert [line for line in lines if line not in str(refused.value)] == []
+    assert all(str(folder / "face_positions.csv") in line for line in refused.value.lines)
+    with pytest.raises(InputError):
+        prisms_of(folder)
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"", "not a readable CSV file (it is empty)"),
+        (b"PK\x03\x04 more", "a zip archive or an Excel workbook"),
+        (bytes(range(256)), "zero bytes"),
+        ("\n".join([FACES.replace("head", "main"), *ROWS]).encode(), "columns 'headgate_x' (required"),
+        ("\n".join([FACES, ROWS[0] + ",,,,", *ROWS[1:]]).encode(), "not a readable CSV"),
+    ],
+)
+def test_face_positions_that_are_no_table_are_one_line(folder, content, line):
+    with pytest.raises(InputError) as refused:
+        panels_of(folder, [], change=lambda _: content)
+    (told,) = refused.value.lines
+    assert line in told
+    assert "record." not in told
+
+
+def test_positions_of_one_day_keep_their_hours(folder):
+    """A face that is dated twice on a day was refused as out of order."""
+    panels_of(folder, row(3, local_date="2010-02-01 12:00"))
+    settings = SimpleNamespace(face=FaceSettings.of({"source": "elk_creek", "folder": str(folder)}, "face"))
+    positions = face_positions(SimpleNamespace(settings=settings, path=Path, listed_steps=[]))
+    assert [one["date"] for one in positions] == ["2010-01-01", "2010-02-01", "2010-02-01T12:00:00"]
 
 
 # -- the configuration ------------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from elk_creek_fixtures import write_tiny_mine
 from obspy.core.event.header import EventType
 
 from catalogs.records import read_record
-from catalogs.records.filters import EVENT_TYPE, NOT_SEISMIC_WORDS, SEISMIC_WORDS, is_left_out
+from catalogs.records.event_kinds import EVENT_TYPE, NOT_SEISMIC_WORDS, SEISMIC_WORDS, is_left_out
 from catalogs.sources.quakeml import write_quakeml
 from common.errors import InputError
 
@@ -178,7 +178,7 @@ def test_a_csv_column_that_tells_of_blasts_is_not_overlooked(tmp_path):
 
 def test_codes_of_a_mine_are_asked_about_once_and_then_mean_what_is_said(tmp_path):
     rows = [("E", ""), ("B", ""), ("E", "")]
-    assert "1 of 3 events are of type 'b'" in refused(csv, tmp_path, rows, {"event_type": "kind"}, filter={"keep": "E"})
+    assert "1 of 3 events are of type 'B'" in refused(csv, tmp_path, rows, {"event_type": "kind"}, filter={"keep": "E"})
     said = {"keep": ["E"], "without": {"kind": "B"}}
     assert csv(tmp_path, rows, {"event_type": "kind"}, filter=said).sizes["event"] == 2
 

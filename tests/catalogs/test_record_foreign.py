@@ -271,7 +271,7 @@ def test_a_name_that_ends_as_a_unit_is_asked_about(tmp_path):
     text = PLAIN.replace(",x,y,z", ",x_m,y_km,z")
     columns = COLUMNS | {"x": "x_m", "y": "y_km"}
     assert "column 'y_km': is it in km? Say it with record.units: {y: km}" in refused(tmp_path, text, columns)
-    assert read(tmp_path, text, columns, units={"y": "m"})["location"].values[0, 1] == 200
+    assert "is in km by its name, and in m by record.units.y" in refused(tmp_path, text, columns, units={"y": "m"})
     assert read(tmp_path, text, columns, units={"y": "km"})["location"].values[0, 1] == 200_000
 
 

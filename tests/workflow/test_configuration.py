@@ -146,7 +146,11 @@ NUMBER_LIKE = ("10E2", "1e3", "007", "12:30", "on", "1_000", "0x10", "-1e-3", "2
 def test_a_text_that_looks_like_a_number_stays_a_text(accept, text):
     """Where a text is wanted: a layer, a name, a material, a column, a magnitude's type, what a filter looks for."""
     words = {"filter": {"only": {text: [text, "a"]}, "without": {"x": text}}, "conversions": {text: "none"}}
-    record = TINY["record"] | {"columns": TINY["record"]["columns"] | {"step": text, "time": [text, "t"]}} | words
+    record = (
+        TINY["record"]
+        | {"columns": TINY["record"]["columns"] | {"step": text, "time": [text, "t"], "magnitude": "m"}}
+        | words
+    )
     solid = {"name": "stope_1", "step": "2019-08", "file": "record.csv", "layer": text, "units": "m"}
     mine = accept(TINY, **{"excavations.1": solid, "record": record})
     assert mine.settings.excavations[1].layer == text

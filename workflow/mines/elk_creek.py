@@ -14,13 +14,15 @@ import numpy as np
 import pandas as pd
 from ezdxf.entities import LWPolyline
 
+from catalogs.records.csv_table import read_table
 from catalogs.records.elk_creek_reader import data_folder, data_path
 from common.errors import InputError
 from workflow.dates import read_date
+from workflow.mines.face_table import read_faces
 from workflow.mines.longwall import Panel, Slice, advances, slices_of
 
 GOB_HEIGHT = 18.0  # m, within the 15 to 20 m that a 3 to 4 m seam caves
-FACE_COLUMNS = ["local_date", "headgate_x", "headgate_y", "tailgate_x", "tailgate_y", "panel"]
+STATION_COLUMNS = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -100,20 +102,7 @@ def polygon_centroid(polygon: np.ndarray) -> np.ndarray:
 
 def read_panels(folder: Path) -> list[Panel]:
     """Panels by the faces of face_positions.csv, whose dates are local days. Raises InputError."""
-    path = data_path(folder, "face_positions.csv")
-    faces = pd.read_csv(path, encoding="utf-8-sig", dtype={"panel": str})  # the file begins with a byte order mark
-    missing = [name for name in FACE_COLUMNS if name not in faces]
-    if missing:
-        raise InputError(f"{path}: column {missing[0]!r} is missing; the file has {', '.join(faces)}")
-    faces["local_date"] = pd.to_datetime(faces["local_date"], format="ISO8601")
-    if faces[FACE_COLUMNS].isna().any(axis=None):
-        raise InputError(f"{path}: a face has no date, corner or panel; complete it")
-    panels = []
-    for name, dated in faces.sort_values("local_date").groupby("panel", sort=True):
-        date = (dated["local_date"] - pd.Timestamp(0)).dt.total_seconds().to_numpy()
-        ends = (dated[[f"{gate}_x", f"{gate}_y"]].to_numpy(float) for gate in ("tailgate", "headgate"))
-        panels.append(Panel(str(name), date, *ends))
-    return panels
+    return read_faces(data_path(folder, "face_positions.csv"))
 
 
 def read_outlines(folder: Path) -> list[tuple[np.ndarray, float]]:
@@ -135,13 +124,16 @@ def fit_seam(folder: Path) -> Seam:
     outlines, one elevation each, at their middle. Neither says floor or roof: a doubt of about 3 m, below the misfit.
     """
     path = data_path(folder, "station_list.csv")
-    stations = pd.read_csv(path, encoding="utf-8-sig")
-    missing = [name for name in ("x", "y", "z", "underground") if name not in stations]
-    if missing:
-        raise InputError(f"{path}: column {missing[0]!r} is missing; the file has {', '.join(stations)}")
-    underground = stations[stations["underground"].astype(str).str.lower() == "true"]
+    table = read_table(
+        path, dict.fromkeys((*STATION_COLUMNS, "underground"), "required"), STATION_COLUMNS, has_keys=False
+    )
+    table.decide_decimals(STATION_COLUMNS)
+    stations = np.column_stack([table.numbers(name) for name in STATION_COLUMNS])
+    underground = stations[(table.text("underground").str.lower() == "true").to_numpy()]
+    if not np.isfinite(underground).all():
+        raise InputError(f"{path}: an underground station has no x, y or z; complete it")
     panels = [[*polygon_centroid(outline), elevation] for outline, elevation in read_outlines(folder)]
-    points = np.vstack([underground[["x", "y", "z"]].to_numpy(float), np.reshape(panels, (-1, 3))])
+    points = np.vstack([underground, np.reshape(panels, (-1, 3))])
     if len(points) < 4:
         raise InputError(f"{folder}: {len(points)} elevations of the seam are too few for a plane; complete the data")
     origin = points[:, :2].mean(axis=0)
