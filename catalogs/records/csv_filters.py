@@ -106,7 +106,9 @@ def check_codes(key: str, codes: np.ndarray, factor: float, settings) -> None:
 def check_unnamed_kinds(table: Table, named: Mapping[str, str], settings) -> None:
     """Raise InputError for columns that the settings do not name and whose cells mark events as not seismic."""
     kept = kept_words(settings)
-    questions, columns, words = [], {}, {}
+    questions: list[str] = []
+    columns: dict[str, str] = {}
+    words: dict[str, None] = {}
     for name in table.rows:
         if name in named:
             continue

@@ -184,11 +184,21 @@ def read_table(
     except pd.errors.EmptyDataError:
         rows = pd.DataFrame(columns=_unique_names(header), dtype=str)
     except (ValueError, pd.errors.ParserWarning) as error:  # pandas' parser errors are ValueErrors
-        raise InputError(f"{path}: not a readable CSV file ({error}); give a table with a header") from error
+        raise InputError(f"{path}: not a readable CSV file ({_unreadable(error)})") from error
     table = Table(rows, str(path), decimal, sure, has_keys)
     table.take_units(list(numeric))
     logging.info("%s: %d rows, separated by %s", path, len(rows), SEPARATORS[separator])
     return table
+
+
+def _unreadable(error: Exception) -> str:
+    """What pandas found no table in, for a user: a row with more cells than the header has names, quotes that do not
+    end."""
+    if wide := re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error)):
+        return f"row {wide[2]} below the header has {wide[3]} cells, and {wide[1]} are expected; correct the row"
+    if isinstance(error, pd.errors.ParserWarning):
+        return "rows have more cells than the header has names; give each column a name"
+    return "quotation marks open and do not close; correct them"
 
 
 def _missing_columns(missing: Mapping[str, str], header: list[str]) -> str:

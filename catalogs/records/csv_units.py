@@ -62,14 +62,14 @@ def unit_factor(source: str, key: str, name: str, unit: str, given: str | None, 
                 "its unit in record.units"
             )
     factors = {place: float(quantity.to(unit).magnitude) for place, (_, quantity) in found.items()}
-    first = next(iter(factors), None)
+    first = next(iter(factors), "")
     end = None if key.startswith("log_") else _at_end(name, unit)  # the P of "log P" is no unit
     if end and "its name" not in factors:
         text, factor = end
-        if first is None and factor != 1.0:
-            other = "; if it is not, rename it" if _is_usual(text) else f", or {{{key}: {unit}}}"
+        if not first and factor != 1.0:
+            remedy = "; if it is not, rename it" if _is_usual(text) else f", or {{{key}: {unit}}}"
             raise InputError(
-                f"{source}: column {name!r}: is it in {text}? Say it with record.units: {{{key}: {text}}}{other}"
+                f"{source}: column {name!r}: is it in {text}? Say it with record.units: {{{key}: {text}}}{remedy}"
             )
         if _is_usual(text):
             found["its name"], factors["its name"] = (text, None), factor

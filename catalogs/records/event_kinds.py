@@ -111,8 +111,8 @@ def _question(unknown: Mapping[str, Mapping[str, int]], events: int, settings: R
     )
 
 
-def flow_yaml(value: Mapping) -> str:
-    """A section of a mine file on one line, as it is pasted."""
+def flow_yaml(value: Mapping | list) -> str:
+    """A section or list of a mine file on one line, as it is pasted."""
     text = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, sort_keys=False, width=float("inf"))
     return text.strip()
 

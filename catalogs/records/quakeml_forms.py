@@ -43,7 +43,7 @@ def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
     others = {prefix: name for prefix, name in root.nsmap.items() if prefix and not name.startswith(NAMESPACE_START)}
     plain = etree.Element(f"{{{ROOT}}}quakeml", nsmap={**others, None: BODY, "q": ROOT})
     _copy_parts(root, plain)
-    words = []
+    words: list[Words] = []
     for event in plain.iterfind(f"{{{BODY}}}eventParameters/{{{BODY}}}event"):
         kind = event.find(f"{{{BODY}}}type")
         word = _plain(kind)
