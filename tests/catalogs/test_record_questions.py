@@ -133,7 +133,7 @@ def unit_of(folder, header: str, **others) -> float:
     ("header", "factor"),
     [
         ("Easting (ft)", 0.3048), ("Easting [KM]", 1000.0), ("X (Feet)", 0.3048), ("X/km", 1000.0), ("X_m", 1.0),
-        ("X (m AHD)", 1.0), ("X (ft below collar)", 0.3048), ("X {mm}", 1e-3), ("X (usft)", 1200 / 3937),
+        ("X (m ASL)", 1.0), ("X (ft below collar)", 0.3048), ("X {mm}", 1e-3), ("X (usft)", 1200 / 3937),
         ("X (E)", 1.0), ("X (mine grid)", 1.0), ("Easting", 1.0),
     ],
 )  # fmt: skip
