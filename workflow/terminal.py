@@ -46,6 +46,12 @@ class OneLine(logging.Filter):
         if event == LogEvent.RUN_INFO:
             shown, self.table_is_shown = self.table_is_shown, True
             return not shown
+        if event == LogEvent.PROGRESS:
+            done, total = vars(record)["done"], vars(record)["total"]
+            # Snakemake calls them steps, which are the months of a mine
+            record.msg = f"{done} of {total} jobs ({done / total:.0%}) done"
+            vars(record)["event"] = None
+            return True
         if event in QUIET_EVENTS or text.startswith(SAID_BEFORE):
             return False
         if event is None and record.levelno < logging.WARNING:

@@ -315,7 +315,6 @@ def record(message: str, event: str | None = None) -> logging.LogRecord:
     [
         ("Select jobs to execute...", None, False),
         ("Nothing to be done (all requested files are present and up to date).", None, True),
-        ("3 of 12 steps (25%) done", "progress", True),
         ("Finished jobid: 1", "job_finished", False),
         ("Removing output files of failed job report since they might be corrupted:\nfigures", None, False),
         ("Exiting because a job execution failed. Look above for error messages", None, False),
@@ -328,6 +327,14 @@ def record(message: str, event: str | None = None) -> logging.LogRecord:
 def test_terminal_drops_chatter_and_keeps_errors(message, event, shown):
     """What the stage has told itself is not told again; what it could not tell is."""
     assert OneLine().filter(record(message, event)) == shown
+
+
+def test_progress_is_told_in_jobs():
+    """Snakemake's word, steps, is that for the months of a mine."""
+    one = record("3 of 12 steps (25%) done", "progress")
+    one.done, one.total = 3, 12
+    assert OneLine().filter(one)
+    assert one.msg == "3 of 12 jobs (25%) done"
 
 
 def test_a_job_that_a_cluster_ended_is_told_with_its_logs():

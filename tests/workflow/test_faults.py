@@ -22,7 +22,9 @@ def spoken(text: str) -> list[str]:
     """What the terminal says beside Snakemake's table of jobs, its progress and the stages' good news."""
     lines = text.splitlines()
     last = max((number for number, line in enumerate(lines) if line.startswith("total")), default=0)
-    noise = re.compile(r"steps \(|Using workflow specific profile| MiB|; log: logs/| \(\d+ s\)$")
+    noise = re.compile(
+        r"jobs \(|runs again|because of changes|Using workflow specific profile| MiB|; log: logs/| \(\d+ s\)$"
+    )
     return [line for line in lines[last + bool(last) :] if line and not noise.search(line)]
 
 

@@ -22,6 +22,7 @@ from workflow.folders import NAME, Folders
 from workflow.mining_plans import MiningPlans
 from workflow.mine_folder import check_owner, note_owner
 from workflow.narrow_openings import notes
+from workflow.repeated_jobs import RepeatedJob, notice
 from workflow.result_files import ResultFiles
 from workflow.rule_inputs import RuleInputs
 from workflow.rule_resources import RuleResources, by_attempt
