@@ -18,7 +18,7 @@ def notes(mine: Mine) -> list[str]:
     """Lines on excavations with fewer cells across than they need, and on those with fewer than fill needs that is
     placed in a later step than mines them; planned ones are left out.
 
-    A solid that cannot be read is left to the stage that reads it.
+    A solid that cannot be read, or encloses nothing, is left to the stage that reads it.
     """
     from mpm_core.geometry.thickness import CELLS_ACROSS_FILL, cells_across
 
@@ -26,9 +26,12 @@ def notes(mine: Mine) -> list[str]:
     for entry in mine.excavations:
         if mine.step_index(entry.step) >= 0 and not entry.outside:
             try:
-                across[entry.name] = cells_across(_solid(mine, entry), cell)
+                counted = cells_across(_solid(mine, entry), cell)
             except InputError as error:
                 logging.info("%s", error)
+                continue
+            if counted.cells > 0.0:
+                across[entry.name] = counted
     later = [entry.name for entry in mine.excavations if entry.name in across and _is_filled_later(mine, entry)]
     narrow = sorted((name for name in across if across[name].is_narrow()), key=lambda name: across[name].cells)
     loose = sorted((n for n in later if across[n].is_narrow(CELLS_ACROSS_FILL)), key=lambda name: across[name].cells)

@@ -43,23 +43,27 @@ class Across(NamedTuple):
 
 
 def cells_across(solid: Solid | Outside, cell: float) -> Across:
-    """Cells of a size (m) across an opening. A body under load (Outside) is none, and needs none."""
+    """Cells of a size (m) across an opening; 0 where its surface encloses nothing. A body under load (Outside) is none,
+    and needs none."""
     if isinstance(solid, Outside):
         return Across(float(MAX_CELLS_MEASURED), 0)
     thickness, area = thickness_of(solid, MAX_CELLS_MEASURED * cell, MAX_CELLS_MEASURED * STEPS_PER_CELL)
-    is_slot = 2.0 * solid.volume > MIN_SLOT_RATIO * area * thickness
+    is_wide = thickness >= CELLS_ACROSS_OPENING * cell  # the volume of an open solid takes long
+    is_slot = not is_wide and 2.0 * solid.volume > MIN_SLOT_RATIO * area * thickness
     return Across(thickness / cell, CELLS_ACROSS_SLOT if is_slot else CELLS_ACROSS_OPENING)
 
 
 def thickness_of(solid: Solid, most: float, steps: int) -> tuple[float, float]:
     """Thickness of a solid, m, at most `most`, in whose steps lines are followed; and the area of its surface, m2 (m in
-    2-D)."""
+    2-D). Both are 0 for a surface without area."""
     center = solid.bounds.mean(axis=0)
     corners = solid.corners(center)
     edges = corners[:, 1:] - corners[:, :1]
     normal = np.cross(edges[:, 0], edges[:, 1]) if solid.dimension == 3 else edges[:, 0, ::-1] * [1.0, -1.0]
     size = np.linalg.norm(normal, axis=1)
     ends = np.cumsum(size)
+    if not ends[-1] > 0.0:
+        return 0.0, 0.0
     facet = np.searchsorted(ends, (np.arange(POINTS) + 0.5) / POINTS * ends[-1])
     place = np.arange(1, POINTS + 1)[:, None] * GOLDEN[: solid.dimension - 1] % 1.0
     place = np.where(place.sum(axis=1, keepdims=True) > 1.0, 1.0 - place, place)

@@ -81,6 +81,12 @@ def test_openings_of_a_section_are_measured_in_its_plane():
         assert (across.cells, across.needed) == (pytest.approx(2.5, rel=1e-3), needed)
 
 
+def test_a_surface_without_area_or_volume_is_no_cell_thick():
+    corners = np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 0]])
+    for facets in ([[0, 0, 1], [1, 1, 2]], [[0, 1, 2], [0, 2, 1]]):
+        assert cells_across(Solid("x", corners, np.array(facets)), CELL).cells == pytest.approx(0.0, abs=1e-3)
+
+
 def test_a_body_under_load_is_no_opening():
     disc = solid("box", lower=[0, 0, 0], upper=[1, 1, 1])
     assert not cells_across(Outside(disc, np.zeros(3), np.ones(3)), CELL).is_narrow()

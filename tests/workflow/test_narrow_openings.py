@@ -77,10 +77,18 @@ def test_cells_that_fill_needs_are_told(tmp_path):
 
 
 def test_solids_of_files_are_measured(tmp_path):
-    """A box of 6 m in a file; one that is no solid is left to the stage that reads it."""
+    """A box of 6 m in a file. What is no solid, or encloses nothing, is left to the stage that reads it."""
     box = trimesh.creation.box(extents=[6.0, 30.0, 30.0])
     box.apply_translation([95.0, 50.0, 990.0])
     box.export(tmp_path / "stope.stl")
     entry = stope("scanned", None, None, "2019-08", file="stope.stl")
-    (line,) = notes(mine_of(tmp_path, "3 m", [entry]))
+    (tmp_path / "broken.stl").write_text("no solid")
+    sheet = trimesh.Trimesh([[90, 50, 980], [91, 50, 980], [90, 60, 990], [91, 60, 990]], [[0, 1, 2], [1, 3, 2]])
+    trimesh.util.concatenate([sheet, sheet.copy()]).export(tmp_path / "sheet.stl")
+    others = [stope(name, None, None, "2019-08", file=f"{name}.stl") for name in ("broken", "sheet")]
+    mine = mine_of(tmp_path, "3 m", [entry])
+    (line,) = notes(mine)
     assert "scanned 2.0 of 4" in line
+    odd = [mine.excavations[0].model_copy(update={"name": one["name"], "file": one["file"]}) for one in others]
+    mine.excavations = [*mine.excavations, *odd]
+    assert notes(mine) == [line]
