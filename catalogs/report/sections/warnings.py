@@ -111,6 +111,9 @@ def _solids(evidence: Evidence) -> Iterator[Banner]:
         names = _few([name for _, name in opened])
         yield Banner("volume", text, f"no closed solid: {names}", Advice(f"Export as closed surfaces: {names}."))
     thin = sorted((row for row in rows if row.narrow), key=lambda row: (row.across / row.needed, row.name))
+    unheld = [row for row in rows if row.unheld]
+    sizes = [row.across * cell / row.needed for row in thin]
+    sizes += [row.across * cell / CELLS_ACROSS_FILL for row in unheld]
     if thin:
         size = smallest_of([row.across * cell / row.needed for row in thin])
         named = _named([f"{row.name} {row.across:.1f} of {row.needed:.0f}" for row in thin])
@@ -121,20 +124,19 @@ def _solids(evidence: Evidence) -> Iterator[Banner]:
         )
         names = _few([row.name for row in thin])
         brief = f"too narrow for cells of {cell:g} m, so that too little rock fails there: {names}"
-        yield Banner("truncated", text, brief, _cells_of(size))
-    yield from _unheld_fill(evidence, rows, cell)
+        yield Banner("truncated", text, brief, _cells_of(smallest_of(sizes)))
+    if unheld:
+        yield _unheld_fill(evidence, rows, cell, _cells_of(smallest_of(sizes)))
 
 
-def _unheld_fill(evidence: Evidence, rows: list[ExcavationRow], cell: float) -> Iterator[Banner]:
+def _unheld_fill(evidence: Evidence, rows: list[ExcavationRow], cell: float, mend: Advice) -> Banner:
     """Banner on fill that was placed but does not hold the walls of its opening.
 
     rows: of mined excavations; cell: edge of the finest cells, m.
     """
     steps = [step["step"] for step in evidence.steps]
-    filled = [row for row in rows if row.fill != "none" and (row.filled in steps or row.filled_at_once)]
+    filled = [row for row in rows if row.unheld or (row.fill != "none" and (row.filled in steps or row.filled_at_once))]
     unheld = [row for row in filled if row.unheld]
-    if not unheld:
-        return
     size = smallest_of([row.across * cell / CELLS_ACROSS_FILL for row in unheld])
     count = f"{whole(len(unheld))} of {plural(len(filled), 'filled excavation')}"
     text = (
@@ -144,7 +146,7 @@ def _unheld_fill(evidence: Evidence, rows: list[ExcavationRow], cell: float) -> 
         f"if they were still open. Use cells of {size} m or less, or fill in the step that mines."
     )
     brief = f"fill holds no walls in {count} (fewer than {CELLS_ACROSS_FILL} cells across)"
-    yield Banner("truncated", text, brief, _cells_of(size))
+    return Banner("truncated", text, brief, mend)
 
 
 def smallest_of(sizes: list[float]) -> str:
