@@ -131,7 +131,8 @@ class ColumnSettings(Settings):
                 raise refusal(f"a tensor needs all six of {kind}_xx ... {kind}_xy")
         if MAGNITUDE_TYPE in named and not {MAGNITUDE, "mw"} & named:
             raise refusal("of which magnitude? name its column in record.columns.magnitude", MAGNITUDE_TYPE)
-        if (self.mw or "").strip().lower() in NOT_MOMENT_MAGNITUDES:
+        words = {(self.mw or "").strip().lower(), *re.split(r"[\W_]+", (self.mw or "").lower())}
+        if words & {*NOT_MOMENT_MAGNITUDES} and "mw" not in words:
             raise refusal(
                 f"column {self.mw!r} is by its name no Mw; name it in record.columns.{MAGNITUDE}, and say how to "
                 "convert it in record.conversions, untyped: {slope: ..., offset: ...}",

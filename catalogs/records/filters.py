@@ -69,7 +69,10 @@ def filter_events(
     check_places(events["location"].values, source)
     columns = columns or {}
     kinds = kinds or {}
-    whole, dropped = _whole_events(events, no_seismicity(kinds, settings, source), repeated, source)
+    other = no_seismicity(kinds, settings, source)
+    whole, dropped = _whole_events(events, other, repeated, source)
+    if incomplete := [f"{count} {what}" for what, count in dropped.items() if what not in other]:
+        logging.warning("%s: of %d events these are left out: %s", source, len(whole), ", ".join(incomplete))
     attributes = {"rows": events.sizes["event"], "dropped": json.dumps(dropped)}
     if types := types_text(kinds[EVENT_TYPE][whole]) if EVENT_TYPE in kinds else "":
         attributes["types_text"] = types

@@ -17,12 +17,13 @@ from common.errors import InputError
 
 NAMESPACE_START = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin
 ROOT, BODY = f"{NAMESPACE_START}quakeml/1.2", f"{NAMESPACE_START}bed/1.2"
+TIME = "time"
 STATUS_TAGS = {"evaluationStatus": STATUS, "evaluationMode": MODE}
 
 
 @dataclass(frozen=True)
 class Words:
-    """Texts of one event: its publicID; in lower case its type, and of each origin its status and mode."""
+    """Texts of one event: its publicID; in lower case its type, and of each origin its status, mode and time."""
 
     name: str
     event_type: str
@@ -69,7 +70,9 @@ def _copy_parts(element: etree._Element, copy: etree._Element) -> None:
 
 
 def _statuses(origin: etree._Element) -> dict[str, str]:
-    return {kind: _plain(origin.find(f"{{{BODY}}}{tag}")) for tag, kind in STATUS_TAGS.items()}
+    time = origin.find(f"{{{BODY}}}time/{{{BODY}}}value")
+    found = {kind: _plain(origin.find(f"{{{BODY}}}{tag}")) for tag, kind in STATUS_TAGS.items()}
+    return found | {TIME: ((time.text or "") if time is not None else "").strip()}
 
 
 def _plain(element: etree._Element | None) -> str:

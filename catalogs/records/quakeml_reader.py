@@ -91,7 +91,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     other types, sizes that no event has, and what is no QuakeML.
     """
     from catalogs.records.quakeml_events import own_catalog, parse_quakeml, quakeml_bytes
-    from catalogs.records.quakeml_forms import plain_quakeml
+    from catalogs.records.quakeml_forms import TIME, plain_quakeml
 
     path = Path(settings.file)
     content, words = plain_quakeml(quakeml_bytes(path), path)
@@ -112,7 +112,8 @@ def read(settings: RecordSlice) -> xr.Dataset:
         raise InputError(f"{path}: {error}") from error
     if record is None:
         places = [None if place is None else event.origins[place] for event, place in zip(events, origins, strict=True)]
-        record = _foreign(events, places, settings, path)
+        times = ["" if place is None else one.origins[place][TIME] for one, place in zip(words, origins, strict=True)]
+        record = _foreign(events, places, times, settings, path)
     else:
         record = _relabelled(record, settings, path)
     mode = {MODE: kinds.pop(MODE)}
@@ -154,12 +155,18 @@ def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dat
     return record
 
 
-def _foreign(events: "Catalog", origins: "list[Origin | None]", settings: RecordSlice, path: Path) -> xr.Dataset:
-    """A catalogue from what every QuakeML file holds, and from the origin of each event that counts."""
+def _foreign(
+    events: "Catalog", origins: "list[Origin | None]", times: list[str], settings: RecordSlice, path: Path
+) -> xr.Dataset:
+    """A catalogue from what every QuakeML file holds, and from the origin of each event that counts.
+
+    times: texts of the origins' times, for messages.
+    """
     from catalogs.records.quakeml_events import location_uncertainty, moment_tensor
     from catalogs.sources.geographic_frame import MineFrame
 
-    time = np.array([_time(origin, number, path) for number, origin in enumerate(origins, 1)], "datetime64[ns]")
+    read = [_time(*one, f"{path}: event {number}") for number, one in enumerate(zip(origins, times, strict=True), 1)]
+    time = np.array(read, "datetime64[ns]")
     lower, upper = np.array([_time_uncertainties(origin) for origin in origins], float).reshape(-1, 2).T
     globe = np.array([[getattr(origin, name, None) for name in GLOBE_LIMITS] for origin in origins], float)
     globe = globe.reshape(-1, len(GLOBE_LIMITS))  # of no event, too
@@ -201,14 +208,15 @@ def _foreign(events: "Catalog", origins: "list[Origin | None]", settings: Record
     return record
 
 
-def _time(origin, number: int, path: Path) -> np.datetime64:
-    """Origin time, NaT where there is none. Raises InputError for a year that nanoseconds do not reach."""
+def _time(origin, text: str, where: str) -> np.datetime64:
+    """Origin time, NaT where there is none. Raises InputError for a text that is no time, and for a year that
+    nanoseconds do not reach."""
     if origin is None or origin.time is None:
+        if text:
+            raise InputError(f"{where}: {text[:60]!r} is not a date and time of QuakeML; write 2019-08-01T12:00:00Z")
         return np.datetime64("NaT", "ns")
     if not FIRST_YEAR <= origin.time.year <= LAST_YEAR:
-        raise InputError(
-            f"{path}: event {number}: {str(origin.time)!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here"
-        )
+        raise InputError(f"{where}: {str(origin.time)!r}: years run from {FIRST_YEAR} to {LAST_YEAR} here")
     return np.datetime64(origin.time.ns, "ns")
 
 

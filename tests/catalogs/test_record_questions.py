@@ -112,6 +112,13 @@ def test_offsets_that_no_clock_has_are_refused_wherever_times_come_in(tmp_path, 
         quakeml(tmp_path, event("a", "earthquake"), change=lambda text: text.replace(":00Z<", f":00{offset}<"))
 
 
+@pytest.mark.parametrize("text", ["01/02/2019", "2019-02-30T00:00:00Z", "now", "2019-08-01T25:00:00Z"])
+def test_a_time_of_quakeml_that_is_none_is_refused(tmp_path, text):
+    """Its event was left out as one without a time."""
+    with pytest.raises(InputError, match=r"record\.xml: event 1: .* is not a date and time of QuakeML"):
+        quakeml(tmp_path, event("a", "earthquake"), change=lambda file: file.replace("2019-08-01T00:00:00Z", text))
+
+
 @pytest.mark.parametrize("offset", ["+14:00", "-12:00", "+05:45", "+12:45", "-09:30", "Z"])
 def test_offsets_of_clocks_are_read(tmp_path, offset):
     record = read(tmp_path, table().replace("06:00:00", f"06:00:00{offset}"))
@@ -278,3 +285,16 @@ def test_a_moment_magnitude_needs_no_conversion(tmp_path, kind, conversion):
     assert f"record.conversions.{kind.strip()}: is a moment magnitude already" in line
     ml = {"ML": {"slope": 2.0, "offset": 0.0}}
     assert "record.conversions: of which magnitude?" in refused(tmp_path, table(), conversions=ml)
+
+
+@pytest.mark.parametrize("name", ["ML", "Magnitude (ML)", "mag_mb", "Md"])
+def test_a_magnitude_of_another_type_by_its_name_is_no_mw(tmp_path, name):
+    text = table(header=HEADER.replace("mw", name))
+    assert "is by its name no Mw" in refused(tmp_path, text, COLUMNS | {"mw": name})
+    text = table(header=HEADER.replace("mw", "Mw (from ML)"))
+    assert read(tmp_path, text, COLUMNS | {"mw": "Mw (from ML)"}).sizes["event"] == 6
+
+
+def test_events_that_lack_something_are_counted_on_the_terminal(tmp_path, caplog):
+    read(tmp_path, table().replace("3,2,3,0.3", "-999,2,3,0.3").replace("4,2,3,0.4", "4,2,3,-99"))
+    assert "of 6 events these are left out: 1 without a place, 1 without a size" in caplog.text
