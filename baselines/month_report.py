@@ -5,17 +5,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines.models import lead_verdict
-from baselines.months import MEASURES, Months, MonthScores, Rate
-from catalogs.report.text import between, fixed, number, plural, whole
+from baselines.map_scores import MIN_CLUSTERS, SIGNIFICANCE, Estimate, MapScores, adjusted, verdict_of
+from baselines.months import MEASURES, Months, Rate
+from catalogs.report.text import between, fixed, number, percent, plural, whole
 from common.datasets import atomic_path
 
 OF_RECORD = ("all_earlier", "last")  # Maps that need a record; the others of the table need none.
-SIGNIFICANCE = 0.05  # A p-value below it says that a number does not fit.
 
 
 def sentences(months: Months) -> list[str]:
-    """Compare the pipeline's map with maps of the record and maps that need no record; then test the numbers."""
+    """Compare the pipeline's map with maps of the record and maps that need no record; then test the numbers.
+
+    With too few independent clusters there is no verdict on the maps.
+    """
     scores, labels = months.scores, list(months.maps.labels)
     mean, names = dict(zip(labels, scores.mean(), strict=True)), months.maps.labels
     pipeline = next(iter(months.maps.models))
@@ -27,33 +29,66 @@ def sentences(months: Months) -> list[str]:
     steps = len(np.unique(scores.step[scores.common]))
     best = max((one for one in OF_RECORD if np.isfinite(mean[one])), key=lambda one: mean[one])
     others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", "ceiling")]
+    tests = {
+        (pipeline, best): ("The pipeline", ""),
+        **{(pipeline, one): ("The pipeline", f"than the map “{names[one]}”") for one in others},
+        ("mixed", "all_earlier"): ("Half mixed with the pipeline, the map of all earlier months", ""),
+    }
+    leads = [scores.lead(*pair) for pair in tests]
+    raised = adjusted([lead.p_value for lead in leads]) if scores.has_intervals else [np.nan] * len(leads)
+    first, *rest = (_lead(lead, p, *words) for lead, p, words in zip(leads, raised, tests.values(), strict=True))
     lines = [
         f"In {plural(steps, 'step')} with earlier months the map of the pipeline gains {fixed(mean[pipeline], 2)} nats "
         f"per recorded event over a uniform rate, and the best map of the record, {names[best]}, "
-        f"{fixed(mean[best], 2)}. {_lead(scores, pipeline, best, 'The pipeline')}"
+        f"{fixed(mean[best], 2)}. {first}"
     ]
-    lines += [_lead(scores, pipeline, one, "The pipeline", f"than the map “{names[one]}”") for one in others]
-    lines.append(_lead(scores, "mixed", "all_earlier", "Half mixed with the pipeline, the map of all earlier months"))
+    lines += rest if scores.has_intervals else [too_few_clusters(scores)]
+    return lines + _rate_sentences(months)
+
+
+def _rate_sentences(months: Months) -> list[str]:
+    """Say, by metres and by days, for how many steps the rate of all earlier months fits the number (N test)."""
+    lines = []
     for measure in MEASURES:
-        p_values = np.array([row.all_earlier[measure].p_value for row in months.rates])
-        tested = int(np.isfinite(p_values).sum())
-        if tested:
-            fits = int((p_values >= SIGNIFICANCE).sum())
+        rates = [row.all_earlier[measure] for row in months.rates]
+        p_values = np.array([rate.p_value for rate in rates])
+        tested = p_values[np.isfinite(p_values)]
+        if len(tested):
+            fits = int((adjusted(tested) >= SIGNIFICANCE).sum())
             lines.append(
-                f"By {measure}, the rate of all earlier months fits the number of {fits} of {plural(tested, 'step')} "
-                f"(p ≥ {SIGNIFICANCE:g})."
+                f"By {measure}, the rate of all earlier months fits the number of {fits} of "
+                f"{plural(len(tested), 'step')} (N test; chance makes a right rate misfit any of them in "
+                f"{percent(SIGNIFICANCE)} of records)."
             )
+        elif any(np.isfinite(rate.expected) for rate in rates):
+            lines.append(f"There are too few independent clusters to test the rate by {measure} (N test).")
     return lines
 
 
-def _lead(scores: MonthScores, one: str, other: str, name: str, than: str = "") -> str:
-    """Say by how much a map gains more or less than another, and whether that may be chance."""
-    value, ends = scores.lead(one, other)
-    text = f"{name} gains {fixed(abs(value), 2)} {'more' if value >= 0.0 else 'less'}"
+def too_few_clusters(scores: MapScores) -> str:
+    """Say that a record has too few independent clusters for a verdict."""
+    return (
+        f"The recorded events form {plural(scores.clusters, 'cluster')}, which are worth "
+        f"{fixed(scores.effective_clusters, 1)} of one size; {MIN_CLUSTERS:g} are needed. These are too few "
+        "independent clusters to say which places events better."
+    )
+
+
+def _lead(lead: Estimate, p_value: float, name: str, than: str) -> str:
+    """Say by how much a map gains more or less than another, and whether that may be chance; empty if not known."""
+    if not np.isfinite(p_value):
+        return ""
+    text = f"{name} gains {fixed(abs(lead.value), 2)} {'more' if lead.value >= 0.0 else 'less'}"
     text = " ".join([text, than]).strip()
-    if not np.isfinite(ends).all():
-        return f"{text}."
-    return f"{text} (difference {between(ends, hundredths)}), which is {lead_verdict(ends)}."
+    return (
+        f"{text} (difference {between(lead.interval, hundredths)}; T test, {p_text(p_value)}), which is "
+        f"{verdict_of(p_value)}."
+    )
+
+
+def p_text(p_value: float) -> str:
+    """A p-value in words of a table."""
+    return "p < 0.001" if p_value < 0.001 else f"p = {number(p_value, 2)}"
 
 
 def hundredths(value: float) -> str:
@@ -92,8 +127,8 @@ def rate_rows(months: Months) -> list[dict]:
     """A row for each step: metres, days, numbers and potency by these, and the number that earlier months predict."""
 
     def predicted(rate: Rate) -> str:
-        chance = "p < 0.001" if rate.p_value < 0.001 else f"p = {number(rate.p_value, 2)}"
-        return number(rate.expected) if not np.isfinite(rate.p_value) else f"{number(rate.expected)} ({chance})"
+        expected = number(rate.expected)
+        return expected if not np.isfinite(rate.p_value) else f"{expected} ({p_text(rate.p_value)})"
 
     return [
         {

@@ -6,9 +6,9 @@ the face stands at some time of the month. The times are spread evenly over the 
 they are.
 
 The number of a month follows from earlier ones by metres of the face or by days: a rate is the earlier number over the
-earlier metres or days. The test is the number test of forecasts with the chance of both numbers: counts are Poisson
-numbers of equal groups of events, whose size is the dispersion index of the record
-(catalogs.compare.exposure.total_ratio). So the p-values of months that fit are uniform between 0 and 1.
+earlier metres or days. The test is the N test of forecasts with the chance of both numbers: counts are Poisson numbers
+of equal groups of events (catalogs.compare.exposure.total_ratio), whose size is the dispersion index of the record up
+to the end of the month. A month alone holds too few clusters to know it from.
 """
 
 from dataclasses import dataclass, replace
@@ -16,21 +16,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.stats import t
 
-from baselines.models import Counted, ModelComparison
+from baselines.map_scores import MIN_CLUSTERS, MapScores
+from baselines.models import Counted, ModelComparison, run_gains
 from baselines.settings import BaselineReportSlice
-from catalogs.compare.blocks import MIN_BLOCKS, cluster_labels
+from catalogs.compare.blocks import cluster_labels
 from catalogs.compare.exposure import DAY, Exposure, Total, common_period, total_ratio
 from catalogs.compare.face import Face
 from catalogs.compare.locations import UNIFORM_SHARE, information_gain, location_errors
-from catalogs.sources.jackknife import INTERVAL_95, effective_blocks
+from catalogs.sources.jackknife import effective_blocks
 from catalogs.sources.sizes import log_potency
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # Its multiples, less their whole part, fill 0 to 1 evenly at any number.
 TIMES_IN_STEP = 200  # Times of a step at which the face is looked at.
 PLACES_ON_LINE = 41
-DAYS_IN_BLOCK = 7
 MODEL_SHARE = 0.5  # Of the pipeline's own model in its mixture with the record.
 ERROR_FACTOR = 2.0  # By which the table of nuisances changes the location error, either way.
 MEASURES = ("metres", "days")  # A rate is a number of events per one of these.
@@ -103,13 +102,14 @@ def line_places(face: Face, start: np.datetime64, end: np.datetime64) -> NDArray
 class MonthMaps:
     """Maps of the dated steps, and the recorded events that they are scored by.
 
-    recorded: events of the dated steps that count, with their step (event,) and the standard deviation of their place
-    along each axis, deviation (event,), m; record: all events that count, earlier ones too; box (2, xy): of the uniform
-    rate; models: by label, the pipeline's own first.
+    recorded: events of the dated steps that count, with their step and cluster (event,) and the standard deviation of
+    their place along each axis, deviation (event,), m; record: all events that count, earlier ones too; box (2, xy): of
+    the uniform rate; models: by label, the pipeline's own first.
     """
 
     recorded: Places
     step: NDArray
+    cluster: NDArray
     deviation: NDArray
     record: Places
     periods: Periods
@@ -131,19 +131,20 @@ class MonthMaps:
         }
         return names if self.models else {key: name for key, name in names.items() if key != "mixed"}
 
-    def scores(self, share: float = UNIFORM_SHARE, error: float = 1.0) -> "MonthScores":
+    def scores(self, share: float = UNIFORM_SHARE, error: float = 1.0) -> MapScores:
         """Gain of each map. share: of the uniform rate; error: factor of the location error."""
         scaled = replace(self, deviation=self.deviation * error)
-        gain = np.full((len(self.labels), len(self.step)), np.nan)
+        runs = {label: model.runs for label, model in self.models.items()}
+        runs["mixed"] = next(iter(runs.values()), 1)
+        gains = {label: np.full((runs.get(label, 1), len(self.step)), np.nan) for label in self.labels}
         for step in np.unique(self.step):
             own = self.step == step
-            gain[:, own] = scaled._of_step(int(step), own, share)
-        first = self.periods.start[self.periods.before]
-        block = (self.recorded.time - first) // (DAYS_IN_BLOCK * DAY)
-        return MonthScores(tuple(self.labels), gain, self.step, block.astype(int))
+            for label, gain in scaled._of_step(int(step), own, share).items():
+                gains[label][:, own] = gain
+        return MapScores(tuple(gains), tuple(gains.values()), self.step, self.cluster)
 
-    def _of_step(self, step: int, own: NDArray, share: float) -> NDArray:
-        """Gain of each map at the events of one step (map, event)."""
+    def _of_step(self, step: int, own: NDArray, share: float) -> dict[str, NDArray]:
+        """Gain of each map that has a forecast at the events of one step (run, event), by label."""
         number = self.periods.before + step
         start, end = self.periods.start[number], self.periods.end[number]
         place, deviation = self.recorded.place[own], self.deviation[own]
@@ -164,7 +165,7 @@ class MonthMaps:
         if self.face is not None:
             gains["line"] = gain(line_places(self.face, start, end))
         for label, model in self.models.items():
-            gains[label] = information_gain(place, model.place[model.step == step][:, :2], deviation, self.box, share)
+            gains[label] = run_gains(model, place, np.full(len(place), step), deviation, self.box, share)
         if self.models and "all_earlier" in gains:
             parts = (
                 np.log(MODEL_SHARE) + gains[next(iter(self.models))],
@@ -178,68 +179,7 @@ class MonthMaps:
             for half in (is_odd, ~is_odd):
                 ceiling[half] = information_gain(place[half], place[~half], deviation[half], self.box, share)
         gains["ceiling"] = ceiling
-        return np.array([gains.get(label, np.full(len(place), np.nan)) for label in self.labels])
-
-
-@dataclass(frozen=True)
-class MonthScores:
-    """Gain of each map at recorded events (map, event), nats, NaN where a map has no forecast of the event's step; step
-    and block of weeks of each event (event,)."""
-
-    labels: tuple[str, ...]
-    gain: NDArray
-    step: NDArray
-    block: NDArray
-
-    @property
-    def common(self) -> NDArray:
-        """Events (event,) bool for which every map has a forecast, of the maps that have any: what all steps together
-        are scored by."""
-        any_forecast = np.isfinite(self.gain).any(axis=1)
-        return np.isfinite(self.gain[any_forecast]).all(axis=0)
-
-    def mean(self, step: int | None = None) -> NDArray:
-        """Mean gain of each map (map,), nats per event, of one step or of those that all maps forecast; NaN without."""
-        own = self._own(step)
-        return self.gain[:, own].mean(axis=1) if own.any() else np.full(len(self.gain), np.nan)
-
-    def interval(self, step: int | None = None) -> NDArray:
-        """95 % interval of the mean gain (map, 2)."""
-        own = self._own(step)
-        return mean_interval(self.gain[:, own], self.block[own])
-
-    def lead(self, one: str, other: str) -> tuple[float, NDArray]:
-        """Mean gain of a map less that of another, nats per event, with its 95 % interval (2,)."""
-        own = self.common
-        rows = [self.labels.index(label) for label in (one, other)]
-        difference = (self.gain[rows[0]] - self.gain[rows[1]])[None, own]
-        mean = float(difference.mean()) if own.any() else np.nan
-        return mean, mean_interval(difference, self.block[own])[0]
-
-    def _own(self, step: int | None) -> NDArray:
-        return self.common if step is None else self.step == step
-
-
-def mean_interval(values: NDArray, block: NDArray) -> NDArray:
-    """95 % interval (row, 2) of means of values (row, event) whose blocks (event,) are independent.
-
-    The differences d between the mean without a block and the mean are squared and summed (catalogs.sources.jackknife).
-    Student's t has the degrees of freedom of such a sum of squares, (sum d^2)^2 / sum d^4, at most those of the blocks:
-    gains are skewed and blocks few, and the blocks alone make intervals that are too narrow. NaN with fewer than
-    MIN_BLOCKS blocks, or where one has nearly all events.
-    """
-    labels = np.unique(block, return_inverse=True)[1].reshape(-1)
-    count = np.bincount(labels) if len(labels) else np.zeros(0)
-    worth = effective_blocks(count)
-    if len(count) < MIN_BLOCKS or worth < 2.0:
-        return np.full((len(values), 2), np.nan)
-    sums = np.array([np.bincount(labels, row) for row in values])
-    mean = values.mean(axis=1)
-    squared = ((sums.sum(axis=1, keepdims=True) - sums) / (count.sum() - count) - mean[:, None]) ** 2
-    total = squared.sum(axis=1)
-    freedom = np.minimum(total**2 / np.maximum(np.sum(squared**2, axis=1), np.finfo(float).tiny), worth - 1.0)
-    half = t.ppf(INTERVAL_95[1], np.maximum(freedom, 1.0)) * np.sqrt(total)
-    return np.stack([mean - half, mean + half], axis=1)
+        return gains
 
 
 def nuisances(maps: MonthMaps) -> list[tuple[str, NDArray]]:
@@ -256,7 +196,7 @@ def nuisances(maps: MonthMaps) -> list[tuple[str, NDArray]]:
 
 @dataclass(frozen=True)
 class Rate:
-    """Number expected of a step by earlier periods, and the p-value of the recorded one; NaN where unknown."""
+    """Number expected of a step by earlier periods, and the p-value of the recorded one (N test); NaN where unknown."""
 
     expected: float
     p_value: float
@@ -289,38 +229,41 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
     rows = []
     for step in range(len(periods.start) - periods.before):
         own = periods.before + step
-        every, last = np.arange(own), np.arange(own)[-1:]
+        known = Exposure(periods.start[: own + 1], periods.end[: own + 1])
+        counted = known.step(record.time) >= 0
+        sizes = np.unique(clusters[counted], return_counts=True)[1]
+        dispersion = known.dispersion_index(record.time, clusters)
+        dispersion = dispersion if effective_blocks(sizes) >= MIN_CLUSTERS else np.nan
 
-        def rates(earlier: NDArray, own: int = own) -> dict[str, Rate]:
-            now, before = (
-                Exposure(periods.start[chosen], periods.end[chosen]).dispersion_index(record.time, clusters)
-                for chosen in (np.array([own]), earlier)
-            )
+        def rates(first: int, own: int = own, dispersion: float = dispersion) -> dict[str, Rate]:
             return {
                 measure: n_test(
                     int(numbers[own]),
                     amounts[own][measure],
-                    int(numbers[earlier].sum()),
-                    float(sum(amounts[one][measure] for one in earlier)),
-                    (now, before),
+                    int(numbers[first:own].sum()),
+                    float(sum(one[measure] for one in amounts[first:own])),
+                    dispersion,
                 )
                 for measure in MEASURES
             }
 
         potency = float(inside[own].potency.sum())
-        rows.append(StepRates(amounts[own], int(numbers[own]), potency, rates(every), rates(last)))
+        rows.append(StepRates(amounts[own], int(numbers[own]), potency, rates(0), rates(max(own - 1, 0))))
     return rows
 
 
-def n_test(
-    number: int, amount: float, earlier: int, earlier_amount: float, dispersion: tuple[float, float] = (1.0, 1.0)
-) -> Rate:
+def n_test(number: int, amount: float, earlier: int, earlier_amount: float, dispersion: float = 1.0) -> Rate:
     """The number expected of an amount (metres, days) after an earlier number of an earlier amount, and the chance of
-    one as far from it. dispersion: dispersion indices of the number and of the earlier one."""
+    one as far from it: the N test of forecasts (Zechar et al. 2010), which here includes the chance of both numbers.
+
+    dispersion: dispersion index of both numbers; NaN: there are too few independent clusters, and no p-value.
+    """
     if not (earlier_amount > 0.0 and amount > 0.0 and earlier > 0):
         return Rate(np.nan, np.nan)
     scale = amount / earlier_amount
-    ratio = total_ratio(Total(float(number), dispersion[0]), Total(earlier * scale, dispersion[1] * scale))
+    if not np.isfinite(dispersion):
+        return Rate(earlier * scale, np.nan)
+    ratio = total_ratio(Total(float(number), dispersion), Total(earlier * scale, dispersion * scale))
     return Rate(earlier * scale, ratio.p_value)
 
 
@@ -337,7 +280,7 @@ class Months:
 
     steps: tuple[str, ...]
     maps: MonthMaps
-    scores: MonthScores
+    scores: MapScores
     rates: list[StepRates]
     nuisances: list[tuple[str, NDArray]]
 
@@ -358,6 +301,7 @@ def compare_with_months(
     maps = MonthMaps(
         _places(models.record, used),
         exposure.step(models.record["time"].values)[used],
+        models.scores.cluster,
         np.hypot(location_errors(models.record)[used], cell) / np.sqrt(3.0),
         _places(earlier, counted),
         Periods.of(exposure.start, exposure.end, np.datetime64(common[0], "ns") if common else None),

@@ -12,22 +12,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from baselines.catalogues import split_runs
-from baselines.models import (
-    NUMBER,
-    POTENCY,
-    Counted,
-    MapScores,
-    Model,
-    ModelComparison,
-    compare_with_record,
-    lead_verdict,
-)
+from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
+from baselines.models import NUMBER, POTENCY, Counted, Model, ModelComparison, compare_with_record
 from baselines.month_report import (
     hundredths,
     map_rows,
     nuisance_rows,
+    p_text,
     rate_rows,
     sentences,
+    too_few_clusters,
     write_months,
     write_rates,
 )
@@ -36,7 +30,7 @@ from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.compare.spread import read_members
 from catalogs.figures import panels, style, views
-from catalogs.report.text import DASH, between, fixed, number, percent, plural, whole, with_unit
+from catalogs.report.text import DASH, between, fixed, number, percent, whole, with_unit
 from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events
@@ -49,30 +43,36 @@ SMALLEST, LARGEST = 2.5, 11.0  # Points: diameters of the smallest and largest e
 
 
 def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
-    """Name the model that places the recorded events best, and say whether its lead over the others may be chance."""
+    """Say whether the first model, the pipeline's own, places recorded events better than each of the others.
+
+    The tests of all others together keep their level. With too few independent clusters there is no verdict.
+    """
+    own, *others = models
     mean, interval = scores.mean(), scores.interval()
-    best, second, *rest = (int(row) for row in np.argsort(-mean, kind="stable"))
-    known = bool(np.isfinite(interval).all())
-
-    def lead(other: int) -> str:
-        """Lead of the best model over another, and whether it may be chance."""
-        value, ends = scores.lead(best, other)
-        if not known:
-            return f"{fixed(value, 2)} more than by {models[other].name}"
-        interval_text = between(ends, hundredths)
-        return f"{fixed(value, 2)} ({interval_text}) more than by {models[other].name}, which is {lead_verdict(ends)}"
-
-    ends = f" (95 % interval {between(interval[best], hundredths)})" if known else ""
-    gain = f"{fixed(mean[best], 2)} nats per event over a uniform rate{ends}"
-    name = models[best].name
-    placed = f"Recorded events are placed best by {name}: {gain}, {lead(second)}."
-    if not mean[best] > 0.0:
-        placed = f"No model places recorded events better than a uniform rate. Nearest comes {name}: {gain}."
-    lines = [placed, *(f"It is {lead(other)}." for other in rest)]
-    if not known:
+    gain = f"{fixed(mean[0], 2)} nats per recorded event over a uniform rate"
+    if not scores.has_intervals:
+        return [too_few_clusters(scores), f"The gain of {own.name} is {gain}."]
+    leads = [scores.lead(own.label, other.label) for other in others]
+    raised = adjusted([lead.p_value for lead in leads])
+    places = "better than", "worse than", "neither better nor worse than"
+    named: dict[str, list[str]] = {text: [] for text in places}
+    for other, lead, p_value in zip(others, leads, raised, strict=True):
+        certain = p_value < SIGNIFICANCE
+        named[places[2] if not certain else places[0] if lead.value > 0.0 else places[1]].append(other.name)
+    said = ", and ".join(f"{text} {' and '.join(names)}" for text, names in named.items() if names)
+    known = ", as far as this record can tell" if named[places[2]] else ""
+    lines = [
+        f"{own.name[0].upper()}{own.name[1:]} places recorded events {said}{known}.",
+        f"It gains {gain} (95 % interval {between(interval[0], hundredths)}).",
+    ]
+    if not np.nanmax(mean) > 0.0:
+        lines.insert(1, "No model places them better than a uniform rate.")
+    for other, lead, p_value in zip(others, leads, raised, strict=True):
+        more = "more" if lead.value >= 0.0 else "less"
+        ends = between(np.sort(lead.interval * (1.0 if more == "more" else -1.0)), hundredths)
         lines.append(
-            f"There is no interval, since the recorded events form {plural(scores.clusters, 'cluster')}: too few to "
-            "tell a difference from chance."
+            f"That is {fixed(abs(lead.value), 2)} ({ends}) {more} than by {other.name}, which is {verdict_of(p_value)} "
+            f"(T test, {p_text(p_value)})."
         )
     return lines
 
@@ -218,7 +218,8 @@ def write_page(
                 "rates": rate_rows(months),
                 "box": _box_text(months.maps.box),
                 "deviation": number(float(np.median(months.maps.deviation))),
-                "blocks": len(np.unique(months.scores.block[months.scores.common])),
+                "clusters": months.scores.clusters,
+                "has_intervals": months.scores.has_intervals,
                 "events": int(months.scores.common.sum()),
             },
             uniform=percent(UNIFORM_SHARE),
