@@ -6,7 +6,7 @@ mining raises excess shear stress (Ryder 1988).
 
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +15,14 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from baselines.elastic_rock import ElasticRock, principal, read_rock
-from baselines.flaws import RadiusLaw, draw_poisson_flaws, expected_per_density, find_slips, potency_tensors
+from baselines.flaws import (
+    NotPossible,
+    RadiusLaw,
+    draw_poisson_flaws,
+    expected_per_density,
+    find_slips,
+    potency_tensors,
+)
 from baselines.settings import FlawSlice, FlawStrength, StressSlice
 from catalogs.compare.exposure import Exposure, common_period
 from catalogs.settings import DatedStep
@@ -27,6 +34,7 @@ from common.source_tensors import moment_from_potency, scalar_potency
 
 RUNS = 10  # Catalogues that each baseline draws at random: one that stands for it, and the others for its chance.
 RUN = "run"  # variable that tells the runs of one file apart
+LEFT_OUT = "left_out"  # attribute of a baseline that cannot be made: the reason
 MAX_SEEDS = 1_000_000  # Flaws of one run. Time and memory of their slips grow with it.
 # Number of flaws per volume times their mean cubed radius. With more, all that a slip reaches overlaps.
 MAX_CRACK_DENSITY = 30.0
@@ -161,7 +169,7 @@ def _attributes(rock: ElasticRock, targets: RecordedTargets) -> dict:
 
 
 def flaw_runs(states: Sequence[Path], targets: RecordedTargets, settings: FlawSlice) -> list[xr.Dataset]:
-    """Catalogues of seeded flaws. Raises InputError if none would slip, or if they would be too many."""
+    """Catalogues of seeded flaws. Raises NotPossible if none would slip, or if they would be too many."""
     strength = settings.strength
     rock = _read(states, settings)
     smallest, largest = settings.radii
@@ -170,7 +178,7 @@ def flaw_runs(states: Sequence[Path], targets: RecordedTargets, settings: FlawSl
     generator = np.random.default_rng([settings.seed, RUNS])
     expected = expected_per_density(rock, law, strength, targets.cut, weight, generator)
     if not expected > 0.0:
-        raise InputError(
+        raise NotPossible(
             f"baselines: no flaw slips by log P {np.log10(targets.cut):.2f} or more in the dated steps; give a larger "
             "largest radius in baselines.radii, or a lower baselines.friction_angle or baselines.cohesion"
         )
@@ -179,13 +187,13 @@ def flaw_runs(states: Sequence[Path], targets: RecordedTargets, settings: FlawSl
     crack_density = density * law.mean_cube()
     logging.info("%.3g flaws per m3, %.3g in rock that they may slip in", density, seeds)
     if crack_density > MAX_CRACK_DENSITY:
-        raise InputError(
+        raise NotPossible(
             f"baselines: flaws that make {targets.number} events from log P {np.log10(targets.cut):.2f} on would "
             f"overlap many times (crack density {crack_density:.0f}); give a smaller largest radius in "
             "baselines.radii, or a lower baselines.friction_angle or baselines.cohesion"
         )
     if seeds > MAX_SEEDS:
-        raise InputError(
+        raise NotPossible(
             f"baselines: {seeds:.2g} flaws are needed for the recorded number, and {MAX_SEEDS:.0e} at most are "
             "possible; give a larger smallest radius in baselines.radii, or a lower baselines.cohesion"
         )
@@ -231,12 +239,12 @@ def _slip_once(
 
 
 def excess_shear_runs(states: Sequence[Path], targets: RecordedTargets, settings: StressSlice) -> list[xr.Dataset]:
-    """Catalogues of events where mining raises excess shear stress. Raises InputError if it does so nowhere."""
+    """Catalogues of events where mining raises excess shear stress. Raises NotPossible if it does so nowhere."""
     rock = _read(states, settings)
     raised = raised_excess(rock, settings.strength)
     total = float(np.sum(raised.sum(axis=1) * targets.state_weights(rock.states)))
     if not total > 0.0:
-        raise InputError(
+        raise NotPossible(
             "baselines: no dated step raises shear stress above friction; give a lower baselines.friction_angle"
         )
     first = rock.states - len(settings.steps)
@@ -253,19 +261,35 @@ def excess_shear_runs(states: Sequence[Path], targets: RecordedTargets, settings
 
 
 def flaw_stage(given: Mapping, states: Sequence[Path], record: Path, comparison: Path) -> list[xr.Dataset]:
-    """Runs of the seeded flaws, the first of which is their catalogue.
+    """Runs of the seeded flaws, the first of which is their catalogue; one without events where they cannot be made.
 
     given: the stage's slice (FlawSlice); states: files of the states of elastic rock, in order; comparison: file of the
-    mine's own comparison with the record. Raises InputError as RecordedTargets.of and flaw_runs.
+    mine's own comparison with the record. Raises InputError as RecordedTargets.of.
     """
     settings = FlawSlice.of(given)
-    return flaw_runs(states, _read_targets(record, comparison, settings), settings)
+    return runs_if_possible(flaw_runs, states, _read_targets(record, comparison, settings), settings)
+
+
+def runs_if_possible(
+    runs_of: Callable[..., list[xr.Dataset]],
+    states: Sequence[Path],
+    targets: RecordedTargets,
+    settings: FlawSlice | StressSlice,
+) -> list[xr.Dataset]:
+    """Runs of a baseline; if it is not possible, one catalogue without events, whose attribute LEFT_OUT says why."""
+    try:
+        return runs_of(states, targets, settings)
+    except NotPossible as reason:
+        logging.warning("%s; this baseline is left out", reason)
+        attributes = {"potency_floor": targets.floor, LEFT_OUT: str(reason).removeprefix("baselines: ")}
+        nowhere = {"location": np.zeros((0, 3)), "potency": np.zeros(0)}
+        return [make_catalogue(settings.mine, settings.steps, np.zeros(0, int), attributes, **nowhere)]
 
 
 def excess_shear_stage(given: Mapping, states: Sequence[Path], record: Path, comparison: Path) -> list[xr.Dataset]:
     """Runs of excess shear stress, the first of which is its catalogue; arguments as of flaw_stage, StressSlice."""
     settings = StressSlice.of(given)
-    return excess_shear_runs(states, _read_targets(record, comparison, settings), settings)
+    return runs_if_possible(excess_shear_runs, states, _read_targets(record, comparison, settings), settings)
 
 
 def _read_targets(record: Path, comparison: Path, settings: StressSlice) -> RecordedTargets:

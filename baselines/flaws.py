@@ -27,6 +27,10 @@ MIN_DROP_SHARE = 0.02
 MAX_SLIPS_PER_FLAW = 3  # More slips of a state than this, for each flaw on average, count as endless.
 
 
+class NotPossible(InputError):
+    """A baseline that this rock and record do not allow with these settings; the others may be made without it."""
+
+
 @dataclass(frozen=True)
 class Seeds:
     """Flaws in rock: part of the rock (seed,), place (seed, 3) m, radius (seed,) m, unit normal (seed, 3).
@@ -201,8 +205,8 @@ def find_slips(
     """All slips of the flaws, state by state.
 
     The flaw that is furthest above its strength slips first, then the next one, in the stress that the slips before it
-    leave, until none is above its strength. Without interaction flaws add no stress to each other. Raises InputError if
-    they do not stop slipping.
+    leave, until none is above its strength. Without interaction flaws add no stress to each other. Raises NotPossible
+    if they do not stop slipping.
     """
     flawed = FlawedRock(rock, seeds, strength)
     neighbours = Neighbours(flawed) if interacting else None
@@ -236,7 +240,7 @@ def _cascade(
         flawed.slip(only, drop, direction)
         slips.append((state, seed, float(drop[0]), direction[0]))
         if len(slips) > MAX_SLIPS_PER_FLAW * len(present):
-            raise InputError(
+            raise NotPossible(
                 "baselines: flaws make each other slip without end, as they overlap many times; give a smaller largest "
                 "radius in baselines.radii"
             )

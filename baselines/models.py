@@ -4,12 +4,13 @@ How well a model places the recorded events is its information gain over a unifo
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from baselines.catalogues import LEFT_OUT
 from baselines.map_scores import MapScores
 from catalogs.compare.comparison import compare, record_clusters
 from catalogs.compare.exposure import Exposure, common_period
@@ -19,7 +20,12 @@ from catalogs.sources.sizes import log_potency
 
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
 POTENCY, NUMBER = "potency", "number"
-LABELS = ("Pipeline", "Seeded flaws", "Excess shear stress")
+NAMES = {
+    "Pipeline": "the pipeline's own model",
+    "Seeded flaws": "seeded flaws",
+    "Excess shear stress": "excess shear stress",
+}
+INPUTS = {"Pipeline": (), "Seeded flaws": (NUMBER,), "Excess shear stress": (NUMBER, POTENCY)}
 
 
 @dataclass(frozen=True)
@@ -114,13 +120,17 @@ class Model:
 
 @dataclass(frozen=True)
 class ModelComparison:
-    """The record, its events that count, the models, and how well each places the recorded events."""
+    """The record, its events that count, the models, and how well each places the recorded events.
+
+    left_out: reasons of baselines that could not be made, by name.
+    """
 
     record: xr.Dataset
     recorded: Counted
     models: tuple[Model, ...]
     scores: MapScores
     steps: tuple[str, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_twin(self) -> bool:
@@ -145,24 +155,33 @@ def compare_with_record(
     """
     exposure = Exposure.of(settings.steps, common_period(record))
     cut = float(comparison["cut"])
-    comparisons = [comparison]
-    for runs in (flaws, excess_shear):
+    catalogues = {"Pipeline": list(own), "Seeded flaws": list(flaws), "Excess shear stress": list(excess_shear)}
+    made = {label: runs for label, runs in catalogues.items() if LEFT_OUT not in runs[0].attrs}
+    comparisons = {"Pipeline": comparison}
+    for label in list(made)[1:]:
+        runs = made[label]
         with_runs = settings.model_copy(update={"members": len(runs) - 1})
-        comparisons.append(compare(runs[0], record, with_runs, runs[1:]))
-    counted = [Counted.of(runs, exposure, cut) for runs in (own, flaws, excess_shear)]
-    first = [Counted.of(runs[:1], exposure, cut) for runs in (own, flaws, excess_shear)]
+        comparisons[label] = compare(runs[0], record, with_runs, runs[1:])
+    counted = {label: Counted.of(runs, exposure, cut) for label, runs in made.items()}
     used = comparison["record_used"].values == 1
-    scores = score_places(dict(zip(LABELS, counted, strict=True)), record, used, exposure, cell)
-    of_own, of_flaws, of_stress = zip(first, counted, comparisons, strict=True)
-    models = (
-        Model("the pipeline's own model", LABELS[0], *of_own),
-        Model("seeded flaws", LABELS[1], *of_flaws, inputs=(NUMBER,)),
-        Model("excess shear stress", LABELS[2], *of_stress, inputs=(NUMBER, POTENCY), has_axes=False),
+    scores = score_places(counted, record, used, exposure, cell)
+    models = tuple(
+        Model(
+            NAMES[label],
+            label,
+            Counted.of(runs[:1], exposure, cut),
+            counted[label],
+            comparisons[label],
+            inputs=INPUTS[label],
+            has_axes=label != "Excess shear stress",
+        )
+        for label, runs in made.items()
     )
+    left_out = {NAMES[label]: runs[0].attrs[LEFT_OUT] for label, runs in catalogues.items() if label not in made}
     recorded = Counted(
         record["location"].values[used],
         exposure.step(record["time"].values[used]),
         record["potency"].values[used],
         np.zeros(int(used.sum()), int),
     )
-    return ModelComparison(record, recorded, models, scores, tuple(step.name for step in settings.steps))
+    return ModelComparison(record, recorded, models, scores, tuple(step.name for step in settings.steps), left_out)

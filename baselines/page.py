@@ -52,6 +52,8 @@ def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
     gain = f"{fixed(mean[0], 2)} nats per recorded event over a uniform rate"
     if not scores.has_intervals:
         return [too_few_clusters(scores), f"The gain of {own.name} is {gain}."]
+    if not others:
+        return [f"{own.name[0].upper()}{own.name[1:]} gains {gain} (95 % interval {between(interval[0], hundredths)})."]
     leads = [scores.lead(own.label, other.label) for other in others]
     raised = adjusted([lead.p_value for lead in leads])
     places = "better than", "worse than", "neither better nor worse than"
@@ -105,6 +107,9 @@ def measure_rows(models: Sequence[Model], scores: MapScores) -> list[dict]:
     def kagan(model: Model) -> str:
         return with_unit(number(model.comparison["summed_kagan"]), "°") if model.has_axes else NO_AXES
 
+    def test(model: Model, name: str, kind: str = "") -> str:
+        return INPUT if kind in model.inputs else number(model.comparison[f"{name}_p_value"], 2)
+
     gain, interval = scores.mean(), scores.interval()
     rows = {
         "information gain, nats per recorded event": [
@@ -118,6 +123,9 @@ def measure_rows(models: Sequence[Model], scores: MapScores) -> list[dict]:
         "from a recorded event to the nearest modelled, median": [nearest(one, "record_to_model") for one in models],
         **{f"angle between the mean {name} axes": [axis(model, name) for model in models] for name in ("P", "B", "T")},
         "Kagan angle between the summed tensors": [kagan(model) for model in models],
+        "N test of the number, p-value": [test(model, "event_ratio", NUMBER) for model in models],
+        "M test of the sizes (b), p-value": [test(model, "b_difference", POTENCY) for model in models],
+        "S test of the places, p-value": [test(model, "energy") for model in models],
     }
     return [{"name": name, "cells": cells} for name, cells in rows.items()]
 
@@ -194,6 +202,7 @@ def write_page(
     """
     models, recorded, scores = comparison.models, comparison.recorded, comparison.scores
     names = json.loads(grid.attrs["excavation_names"])
+    by_label = {model.label: model for model in models}
     with style.applied():
         figure = draw_events(comparison, grid, [index for index, name in enumerate(names) if name in planned])
         picture = style.save(figure, page.parent / "events.svg")
@@ -228,13 +237,15 @@ def write_page(
             clusters=scores.clusters,
             runs=[model.counted.runs for model in models],
             events=[whole(len(model.counted.place)) for model in models],
-            flaws={
+            left_out=comparison.left_out,
+            flaws=(seeded := by_label.get("Seeded flaws"))
+            and {
                 "radii": f"{flaws.radii[0]:g} to {flaws.radii[1]:g} m",
                 "exponent": f"{flaws.exponent:g}",
                 "b": fixed(flaws.exponent / 3.0, 2),
                 "density": number(attributes["flaws_per_m3"], 2),
                 "crack_density": number(attributes["crack_density"], 2),
-                "mean": number(len(models[1].counted.place) / models[1].counted.runs),
+                "mean": number(len(seeded.counted.place) / seeded.counted.runs),
             },
             rocks=[
                 {

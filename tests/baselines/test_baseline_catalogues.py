@@ -10,12 +10,14 @@ from rock_fixtures import QUIET, SLIPPING, STRENGTH, write_block
 
 from baselines import catalogues
 from baselines.catalogues import (
+    LEFT_OUT,
     RUNS,
     RecordedTargets,
     excess_shear_runs,
     flaw_runs,
     join_runs,
     make_catalogue,
+    runs_if_possible,
     split_runs,
 )
 from baselines.settings import FlawSlice
@@ -189,3 +191,18 @@ def test_more_flaws_than_memory_holds_are_refused(states, monkeypatch):
     monkeypatch.setattr(catalogues, "draw_poisson_flaws", SimpleNamespace())
     with pytest.raises(InputError, match="flaws are needed"):
         flaw_runs(states, TARGETS, slice_of())
+
+
+def test_a_baseline_that_is_not_possible_is_left_out_with_its_reason(states, tmp_path, caplog):
+    """A file of one catalogue without events, and one line on the terminal; the other baseline is made."""
+    runs = runs_if_possible(flaw_runs, states, TARGETS, slice_of(radii=[0.01, 0.02]))
+    (line,) = (one.getMessage() for one in caplog.records if one.levelname == "WARNING")
+    assert line.startswith("baselines: no flaw slips by log P")
+    assert line.endswith("; this baseline is left out")
+    write_events(join_runs(runs), tmp_path / "flaws_runs.nc")
+    (alone,) = split_runs(read_events(tmp_path / "flaws_runs.nc"))
+    assert alone.sizes["event"] == 0
+    assert alone.attrs[LEFT_OUT].startswith("no flaw slips by log P")
+    shear = runs_if_possible(excess_shear_runs, states, TARGETS, slice_of())
+    assert len(shear) == RUNS
+    assert LEFT_OUT not in shear[0].attrs

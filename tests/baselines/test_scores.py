@@ -260,3 +260,24 @@ def test_a_record_without_earlier_months_says_what_to_give(found):
     models = (replace(shown.models[0], comparison=comparison), *shown.models[1:])
     (line,) = sentences(months_of(replace(shown, models=models), STEPS[:1]))
     assert "Give baselines.since" in line
+
+
+@pytest.mark.parametrize("missing", [("Seeded flaws",), ("Seeded flaws", "Excess shear stress")])
+def test_a_page_without_a_baseline_says_why(tmp_path, missing):
+    """The other models are compared as ever."""
+    record = events(40, 0, kind="recorded")
+    settings = ComparisonSlice.of({"steps": [step.given() for step in STEPS], "resamplings": 99})
+    nothing = [events(40, 9).isel(event=slice(0, 0)).assign_attrs(left_out="no flaw slips; give larger radii")]
+    shear = nothing if len(missing) == 2 else [events(40, 20 + run, tensors=False) for run in range(4)]
+    own = [events(60, 1)]
+    shown = compare_with_record(own, compare(own[0], record, settings), nothing, shear, record, 2.0, settings)
+    assert not {model.label for model in shown.models} & set(missing)
+    months = months_of(shown)
+    write_page(tmp_path / "report.html", "made_up", shown, nothing[0].attrs, grid(), ["later"], FLAWS, months)
+    write_table(tmp_path / "scores.csv", shown)
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("no flaw slips; give larger radii") == len(missing)
+    assert "There is no baseline of seeded flaws: " in page
+    assert "Flaws have radii" not in page
+    with open(tmp_path / "scores.csv") as file:
+        assert len(list(csv.DictReader(file))) == 3 * (3 - len(missing))

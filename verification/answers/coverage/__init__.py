@@ -8,14 +8,14 @@ subject is a module with a function `answer`, which takes settings and bounds, a
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.answers.coverage import comparison
+from verification.answers.coverage import baselines, comparison
 from verification.answers.coverage.shares import Coverage, coverage_rows
 from verification.page_tables import Pivot
 from verification.plots import plot_errors
 from verification.results import Results
 from verification.rows import Row
 
-NUMERICS = ("catalogs",)  # Folders that the results may change with.
+NUMERICS = ("baselines", "catalogs")  # Folders that the results may change with.
 
 TABLES = (
     Pivot(
@@ -29,7 +29,7 @@ TABLES = (
         "measured",
     ),
 )
-SUBJECTS = (comparison.answer,)
+SUBJECTS = (comparison.answer, baselines.answer)
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
