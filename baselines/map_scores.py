@@ -56,6 +56,15 @@ class Estimate:
         return cls(float(value), np.array([value - half, value + half]), float(p_value))
 
 
+def coarser_clusters(cluster: NDArray, time: NDArray) -> NDArray:
+    """Clusters (event,), or the days of the events, time (event,) datetime64, if these are worth fewer blocks.
+
+    A record that is one burst, or two, is too short to tell its events from independent ones by the times between them.
+    """
+    day = np.unique(time.astype("datetime64[D]"), return_inverse=True)[1].reshape(-1)
+    return min((cluster, day), key=lambda labels: effective_blocks(np.unique(labels, return_counts=True)[1]))
+
+
 def cluster_variance(values: NDArray, cluster: NDArray) -> Variance:
     """Variance of the mean of values (event,) whose clusters (event,) are independent.
 

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from baselines.catalogues import LEFT_OUT
-from baselines.map_scores import MapScores
+from baselines.map_scores import MapScores, coarser_clusters
 from catalogs.compare.comparison import compare, record_clusters
 from catalogs.compare.exposure import Exposure, common_period
 from catalogs.compare.locations import UNIFORM_SHARE, box_around, information_gain, location_errors
@@ -97,7 +97,7 @@ def score_places(
     place = record["location"].values[used]
     error = np.hypot(location_errors(record)[used], cell) / np.sqrt(3.0)
     box = box_around(place, *(model.place for model in models.values()), margin=BOX_MARGIN * float(error.max()))
-    clusters = np.unique(record_clusters(record, used, step)[used], return_inverse=True)[1].reshape(-1)
+    clusters = coarser_clusters(record_clusters(record, used, step)[used], record["time"].values[used])
     gains = tuple(run_gains(model, place, step[used], error, box) for model in models.values())
     return MapScores(tuple(models), gains, step[used], clusters)
 

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from baselines.map_scores import MIN_CLUSTERS, MapScores
+from baselines.map_scores import MIN_CLUSTERS, MapScores, coarser_clusters
 from baselines.models import Counted, ModelComparison, run_gains
 from baselines.settings import BaselineReportSlice
 from catalogs.compare.blocks import cluster_labels
@@ -231,7 +231,7 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
         own = periods.before + step
         known = Exposure(periods.start[: own + 1], periods.end[: own + 1])
         counted = known.step(record.time) >= 0
-        sizes = np.unique(clusters[counted], return_counts=True)[1]
+        sizes = np.unique(coarser_clusters(clusters[counted], record.time[counted]), return_counts=True)[1]
         dispersion = known.dispersion_index(record.time, clusters)
         dispersion = dispersion if effective_blocks(sizes) >= MIN_CLUSTERS else np.nan
 

@@ -112,7 +112,8 @@ def test_bursts_of_one_rate_fit():
     assert np.mean(p_values < 0.05) <= 0.07
 
 
-def test_too_few_bursts_have_no_p_value():
-    """Two bursts of twenty events tell nothing of a rate, though they are forty events."""
-    _, _, third = step_rates(bursts(np.random.default_rng(4), 2, 20), Periods.of(START, END, None), None)
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_too_few_bursts_have_no_p_value(count):
+    """Some bursts of twenty events tell nothing of a rate, though they are many events."""
+    _, _, third = step_rates(bursts(np.random.default_rng(4), count, 20), Periods.of(START, END, None), None)
     assert np.isnan(third.all_earlier["days"].p_value)

@@ -29,6 +29,12 @@ def test_a_model_that_lies_elsewhere_is_told_apart():
     assert found.told_apart > 0.8
 
 
+def test_one_burst_gives_no_verdict():
+    """Of eighty events, in most records; a few hold three and more bursts."""
+    case = {"events": 80, "bursts": 1, "shift": 0.0, "runs": 1}
+    assert place_scores(case, FEW, np.random.default_rng(3)).given <= 0.1
+
+
 def test_a_rate_that_stays_fits():
     """In bursts and in triggered sequences, whose numbers vary more than those of independent events."""
     for case in ({"events": 120, "bursts": 12, "months": 3}, {"events": 60, "branching": 0.7, "months": 3}):
