@@ -4,6 +4,7 @@ One table, FIELDS, names, measures and documents every field that a dataset of t
 """
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
@@ -13,6 +14,8 @@ from common.fields import Field
 from common.voigt import NAMES
 from mpm_core.constitutive.laws import plane_normals
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
+from mpm_core.geometry.meshes import join
+from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.distorted_cells import DistortedCells, distorted_cells
 from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
@@ -66,6 +69,15 @@ FIELDS = _table(
     ),
     Field("piece_fraction", ("piece",), np.float64, "1", "share of these points that are of the part"),
     Field("piece_volume", ("piece",), np.float64, "m3", "volume of the part, in the cell as moved nodes distort it"),
+    Field("solid_position", ("solid_vertex", "xyz"), np.float64, "m", "vertices of the solids of excavations"),
+    Field(
+        "solid_facets",
+        ("solid_facet", "facet_corner"),
+        np.int32,
+        "1",
+        "vertices of each triangle (in a plane: segment) around an excavation; none of one that is `outside` a solid",
+    ),
+    Field("solid_excavation", ("solid_facet",), np.int16, "1", "index of that excavation"),
     Field("edge_node_place", ("edge_node", "xyz"), np.float64, "m", "place of each node that is moved onto an edge"),
     Field("edge_node_shift", ("edge_node", "xyz"), np.float64, "m", "how far it is moved"),
     # elastic.nc and steps/<step>.nc
@@ -183,9 +195,10 @@ def grid_dataset(
     edge_nodes: EdgeNodes,
     plane: str | None,
     attributes: dict,
+    solids: Sequence[Solid | Outside] = (),
 ) -> xr.Dataset:
     """The dataset of grid.nc. pieces: divided where excavations overlap, with their volumes (piece,) m3; attributes:
-    excavation names and volumes, thickness, provenance."""
+    excavation names and volumes, thickness, provenance; solids: of the excavations, whose surfaces pictures show."""
     axes = PLANES[plane]
     distorted = distorted_cells(grid, edge_nodes.place, edge_nodes.shift)
     values = _cells(grid, distorted, body, axes) | {
@@ -196,11 +209,21 @@ def grid_dataset(
         "piece_volume": volume,
         "edge_node_place": embed(grid.origin + edge_nodes.place * grid.fine_cell, axes),
         "edge_node_shift": embed(edge_nodes.shift * grid.fine_cell, axes),
+        **_surfaces(solids, axes),
     }
     dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
     dataset.attrs = CONVENTIONS | {"plane": plane or "none", **_of_domain(grid, axes), **attributes}
     dataset["mesh"] = _mesh(grid.dimension)
     return dataset
+
+
+def _surfaces(solids: Sequence[Solid | Outside], axes: tuple[int, ...]) -> dict[str, np.ndarray]:
+    """Variables of the surfaces of solids, by name: those of all solids, one after the other."""
+    nothing = np.empty((0, len(axes))), np.empty((0, len(axes)), np.int32)
+    meshes = [(one.vertices, one.facets) if isinstance(one, Solid) else nothing for one in solids]
+    vertices, facets = join([nothing, *meshes])
+    owner = np.repeat(np.arange(len(meshes)), [len(own) for _, own in meshes])
+    return {"solid_position": embed(vertices, axes), "solid_facets": facets, "solid_excavation": owner}
 
 
 def read_grid(dataset: xr.Dataset) -> tuple[MultiLevelGrid, np.ndarray]:

@@ -375,6 +375,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
         }
         | far_field_attributes(values),
+        solids,
     )
 
 

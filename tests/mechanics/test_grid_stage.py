@@ -220,6 +220,24 @@ def test_a_grid_that_misses_an_excavation_by_a_fifth_is_refused_unless_allowed()
     assert json.loads(gridded.attrs["excavation_volume"]) == pytest.approx([140.8])
 
 
+@pytest.mark.parametrize(("plane", "facets"), [(None, 12), ("xz", 4)])
+def test_the_grid_holds_the_surfaces_of_the_solids(plane, facets):
+    """Of each excavation its facets, in the mine's coordinates; none of one that lies outside a solid."""
+    dimension = 2 if plane else 3
+    solids = [
+        block([4.0] * dimension, [12.0] * dimension),
+        block([1.0] * dimension, [23.0] * dimension, "around", outside=True),
+        block([14.0] * dimension, [20.0] * dimension, "second"),
+    ]
+    dataset = make_grid(grid_slice(*solids, plane=plane), {})
+    assert dataset.solid_excavation.values.tolist() == [0] * facets + [2] * facets
+    for index, ends in ((0, [4.0, 12.0]), (2, [14.0, 20.0])):
+        own = dataset.solid_position.values[dataset.solid_facets.values[dataset.solid_excavation.values == index]]
+        axes = [0, 2] if plane else [0, 1, 2]
+        assert np.unique(own[..., axes]).tolist() == ends
+        assert plane is None or not own[..., 1].any()
+
+
 def test_the_solid_s_volume_is_that_of_its_part_in_the_domain():
     dataset = make_grid(grid_slice(block([-4.0, 4.0, 4.0], [8.0, 12.0, 12.0])), {})
     assert json.loads(dataset.attrs["excavation_volume"]) == pytest.approx([512.0])
