@@ -8,51 +8,23 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from matplotlib import patheffects
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from catalogs.figures import style, views
+from catalogs.figures.names import WHITE_RIM, bodies_named, write_names
+from catalogs.figures.silhouettes import PLAN, SECTIONS, Plane, Silhouettes, draw, drawing_order, pieces
+from catalogs.figures.step_key import BLOCK_HEIGHT, MAX_BLOCK_WIDTH, draw_steps
 
 # A section to the north-east or north-west must show the openings so many times as long as one along an axis does.
 MIN_DIAGONAL_GAIN = 1.1
 MARGIN = 0.12  # Of the longest side of what is shown, on each side of it.
 REACH = 1.0  # Events are in the picture up to this many longest sides of the openings away from them.
 MIN_RANGE = 0.5  # Mw; on the scale of diameters the smallest and largest event differ by this at least.
-MAX_STEPS_IN_KEY = 6
-WHITE_RIM = [patheffects.withStroke(linewidth=3.0, foreground="white")]
-
-
-@dataclass(frozen=True)
-class Plane:
-    """A plane to project onto: unit vectors to the right and up, the names of both axes, and whether the first is a
-    coordinate. Where it is none, distances are counted from the left side of the picture."""
-
-    name: str
-    right: tuple[float, float, float]
-    up: tuple[float, float, float]
-    labels: tuple[str, str]
-    along_axis: bool = True
-
-    def project(self, points: NDArray) -> NDArray:
-        """Places (point, 2), m, of points (point, 3)."""
-        return points @ np.array([self.right, self.up]).T
-
-
-EAST, NORTH, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-HALF = float(np.sqrt(0.5))
-X, Y, Z = views.AXIS_LABELS
-PLAN = Plane("Plan", EAST, NORTH, (X, Y))
-SECTIONS = (
-    Plane("Section looking north", EAST, UP, (X, Z)),
-    Plane("Section looking west", NORTH, UP, (Y, Z)),
-    Plane("Section looking north-east", (HALF, -HALF, 0.0), UP, ("to the south-east (m)", Z), along_axis=False),
-    Plane("Section looking north-west", (HALF, HALF, 0.0), UP, ("to the north-east (m)", Z), along_axis=False),
-)
+NAME_SIZE = 8.0  # Points: letters of openings' names.
 
 
 def section_of(grid: xr.Dataset, focus: Sequence[int]) -> Plane:
@@ -60,7 +32,7 @@ def section_of(grid: xr.Dataset, focus: Sequence[int]) -> Plane:
 
     Spread: standard deviation of the mined volume. Of directions that show them about as long, one along an axis.
     """
-    centre, volume = _pieces(grid, focus)
+    centre, volume = pieces(grid, focus)
     if not volume.sum() > 0:
         return SECTIONS[0]
     spread = []
@@ -106,54 +78,25 @@ def within_reach(place: NDArray, low: NDArray, high: NDArray) -> NDArray:
     return np.all((place >= low - reach) & (place <= high + reach), axis=1)
 
 
-def silhouette(plane: Plane, grid: xr.Dataset, excavations: Sequence[int]) -> tuple[NDArray, NDArray]:
-    """Rectangles that the excavations' cells cover along the plane's normal: lower corners (n, 2), size (2,), m.
-
-    A place is covered where a cell behind it is excavated for MIN_EXCAVATED_SHARE_DRAWN; of an opening so narrow that
-    none is, where a cell is for half as much as its fullest.
-    """
-    edge = float(grid.attrs["fine_cell"])
-    # Diagonally, the middles of neighbouring columns are half the width of a cell apart.
-    step = np.array([edge if plane.along_axis else edge * HALF, edge])
-    size = step if plane.along_axis else step * [2.0, 1.0]
-    centre, volume = _pieces(grid, excavations)
-    if not len(centre):
-        return np.zeros((0, 2)), size
-    _, cell = np.unique(np.rint((centre - views.domain(grid)[0]) / (edge / 2)), axis=0, return_inverse=True)
-    share = np.bincount(cell.ravel(), volume)[cell.ravel()] / edge ** int(grid.attrs["dimension"])
-    place = plane.project(centre)
-    zero = place.min(axis=0)
-    column, index = np.unique(np.rint((place - zero) / step), axis=0, return_inverse=True)
-    fullest = np.zeros(len(column))
-    np.maximum.at(fullest, index.ravel(), share)
-    kept = fullest >= min(views.MIN_EXCAVATED_SHARE_DRAWN, fullest.max() / 2)
-    return zero + column[kept] * step - size / 2, size
-
-
 def plane_of(grid: xr.Dataset) -> Plane:
     """The plane that a mine in a plane is computed in."""
     return PLAN if grid.attrs.get("plane") == "xy" else SECTIONS[0]
 
 
-def _pieces(grid: xr.Dataset, excavations: Sequence[int]) -> tuple[NDArray, NDArray]:
-    """Centres (piece, 3) of the cells that these excavations take a part of, and the volumes taken (piece,)."""
-    centre, volume = views.piece_centres(grid)
-    own = np.isin(grid["piece_excavation"].values, list(excavations))
-    return centre[own], volume[own]
-
-
 WIDTH, HEIGHT = 7.6, 4.9  # Inches that the picture has at most.
-LEFT, RIGHT, TOP, BOTTOM, KEY = 0.68, 0.12, 0.26, 0.42, 0.5  # Inches around a panel, and below all of them.
+LEFT, RIGHT, TOP, BOTTOM, KEY = 0.68, 0.12, 0.26, 0.42, 0.62  # Inches around a panel, and below all of them.
+STEPS_ABOVE = 0.2  # Inches from the lower edge of the picture to the blocks of the steps.
 SMALLEST, LARGEST = 5.0, 15.0  # Points: diameters of the smallest and largest event drawn.
 
 
 @dataclass(frozen=True)
 class Mined:
-    """Excavations (indices) that are drawn alike: those of a step, in its colour."""
+    """Excavations (indices) that are drawn alike: those of a step, in its colour; others are no step's."""
 
     name: str
     colour: tuple
     excavations: Sequence[int]
+    is_step: bool = True
 
 
 def first_page(
@@ -162,12 +105,14 @@ def first_page(
     focus: Sequence[int],
     nearby: Sequence[int],
     largest: Mapping[str, tuple[str, xr.Dataset]],
+    named: Mapping[int, str] | None = None,
 ) -> Figure:
     """Plan and section at one scale, north up and east to the right, side by side or one above the other: as larger.
 
-    openings: what is drawn later hides what is drawn before; focus: excavations (indices) that the picture is about;
-    nearby: others that it shows, too, as far as they are near; largest: by label, colour and events of a catalogue:
-    those of the first one are full, those of the second hollow.
+    openings: in the order of mining; focus: excavations (indices) that the picture is about; nearby: planned ones,
+    which the picture shows, too, as far as they are near; largest: by label, colour and events of a catalogue: those of
+    the first one are full, those of the second hollow; named: names of excavations that the picture names, the most
+    important first.
     """
     planes = [PLAN, section_of(grid, focus)] if int(grid.attrs["dimension"]) == 3 else [plane_of(grid)]
     places = [events["location"].values for _, events in largest.values()]
@@ -176,18 +121,21 @@ def first_page(
     boxes = [(plane.project(corners).min(axis=0), plane.project(corners).max(axis=0)) for plane in planes]
     figure, array = _panels([high - low for low, high in boxes])
     diameter = _diameters([events["mw"].values for _, events in largest.values()])
+    silhouettes = Silhouettes(grid)
+    colours = {index: one.colour for one in openings for index in one.excavations}
+    order = [*nearby, *drawing_order(grid, [index for index in colours if index not in set(nearby)])]
     for axes, plane, (low, high) in zip(array, planes, boxes, strict=True):
         origin = np.array([0.0 if plane.along_axis else low[0], 0.0])
         _dress(axes, plane, low - origin, high - origin)
-        for one in openings:
-            _draw_openings(axes, *silhouette(plane, grid, one.excavations), origin, one.colour)
+        curves = {index: [curve - origin for curve in silhouettes.curves(plane, index)] for index in order}
+        draw(axes, [(curves[index], colours[index]) for index in order if index in colours])
+        placed = [plane.project(place) - origin for place in places]
         for number, (colour, events) in enumerate(largest.values()):
-            place = plane.project(events["location"].values) - origin
             look = _look(colour, hollow=number > 0)
-            axes.scatter(*place.T, s=diameter(events["mw"].values) ** 2, zorder=5 + number, **look)
-        _draw_scale_bar(axes)
-    if planes[0] is PLAN:
-        _draw_north(array[0])
+            axes.scatter(*placed[number].T, s=diameter(events["mw"].values) ** 2, zorder=5 + number, **look)
+        avoid = [_draw_scale_bar(axes), *([_draw_north(axes)] if plane is PLAN else [])]
+        bodies = bodies_named(named or {}, order, curves)
+        write_names(axes, bodies, NAME_SIZE, avoid, np.concatenate([np.zeros((0, 2)), *placed]), if_covered=True)
     _key(figure, openings, largest, diameter)
     return figure
 
@@ -228,18 +176,6 @@ def _dress(axes: Axes, plane: Plane, low: NDArray, high: NDArray) -> None:
         axes.locator_params(axis=name, nbins=int(np.clip(inches / 0.7, 1, 5)))
 
 
-def _draw_openings(axes: Axes, lower: NDArray, size: NDArray, origin: NDArray, colour) -> None:
-    """Cells with these lower corners (n, 2) as one body with an outline."""
-    corners = (lower - origin)[:, None, :] + size * np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    # The outlines of all cells, and on them their faces: what stays uncovered is the outline of the body.
-    for faces, width in (("none", 1.4), (colour, 0.0)):
-        cells = PolyCollection(
-            corners, facecolors=faces, edgecolors=style.OUTLINE if width else "none", linewidths=width,
-            antialiaseds=width > 0, rasterized=True, zorder=2,
-        )  # fmt: skip
-        axes.add_collection(cells, autolim=False)
-
-
 def _diameters(magnitudes: list[NDArray]) -> Callable[[NDArray], NDArray]:
     """Diameters, points, by Mw: linear between the smallest and the largest event drawn."""
     known = np.concatenate([np.zeros(0), *magnitudes])
@@ -261,8 +197,8 @@ def _look(colour: str, hollow: bool) -> dict:
     return {"facecolors": colour, "edgecolors": "white", "linewidths": 0.7}
 
 
-def _draw_scale_bar(axes: Axes) -> None:
-    """A bar of a round length, up to a third of the panel, at its lower left."""
+def _draw_scale_bar(axes: Axes) -> NDArray:
+    """Draw a bar of a round length, up to a third of the panel, at its lower left; return its box, pixels."""
     (left, right), bottom = axes.get_xlim(), axes.get_ylim()[0]
     inch = (right - left) / (axes.get_position().width * axes.figure.get_figwidth())  # in m
     length, start, height = round_below((right - left) / 3), left + 0.1 * inch, bottom + 0.1 * inch
@@ -274,6 +210,8 @@ def _draw_scale_bar(axes: Axes) -> None:
         start + length / 2, height + 0.05 * inch, f"{length:g} m", ha="center", va="bottom", fontsize=8, zorder=8,
         path_effects=WHITE_RIM,
     )  # fmt: skip
+    box = [(left, bottom), (start + length + 0.05 * inch, height + 0.25 * inch)]
+    return axes.transData.transform(box)
 
 
 def round_below(length: float) -> float:
@@ -282,8 +220,8 @@ def round_below(length: float) -> float:
     return float(power * max(one for one in (1.0, 2.0, 5.0) if one * power <= length * (1 + 1e-9)))
 
 
-def _draw_north(axes: Axes) -> None:
-    """An arrow to the north in the upper right corner of the plan."""
+def _draw_north(axes: Axes) -> NDArray:
+    """Draw an arrow to the north in the upper right corner of the plan; return its box, pixels."""
     box, paper = axes.get_position(), axes.figure
     across, down = 0.13 / (box.width * paper.get_figwidth()), 1.0 / (box.height * paper.get_figheight())
     axes.annotate(
@@ -291,14 +229,21 @@ def _draw_north(axes: Axes) -> None:
         textcoords="axes fraction", ha="center", va="center", fontsize=9, fontweight="bold", zorder=8,
         arrowprops={"arrowstyle": "-|>", "color": "k", "linewidth": 1.2}, path_effects=WHITE_RIM,
     )  # fmt: skip
+    return axes.transAxes.transform([(1.0 - 2 * across, 1.0 - 0.5 * down), (1.0, 1.0)])
 
 
 def _key(figure: Figure, openings: Sequence[Mined], largest: Mapping[str, tuple], diameter: Callable) -> None:
-    """Below the panels: the colours of openings, and whose events are drawn, of which size."""
-    drawn = [one for one in openings if len(one.excavations)]
-    if len(drawn) > MAX_STEPS_IN_KEY:
-        drawn = [drawn[index] for index in np.linspace(0, len(drawn) - 1, MAX_STEPS_IN_KEY).round().astype(int)]
-    handles: list = [Patch(facecolor=one.colour, edgecolor=style.OUTLINE, label=_short(one.name)) for one in drawn]
+    """Below the panels: the colours of all steps, of other openings, and whose events are drawn, of which size."""
+    handles: list = [
+        Patch(facecolor=one.colour, edgecolor=style.OUTLINE, label=one.name)
+        for one in openings
+        if one.excavations and not one.is_step
+    ]
+    steps = [one for one in openings if one.is_step]
+    if steps:
+        width = min(WIDTH - 0.6, MAX_BLOCK_WIDTH * len(steps))
+        names, colours = [one.name for one in steps], [one.colour for one in steps]
+        draw_steps(figure, names, colours, (WIDTH - width) / 2, STEPS_ABOVE, width)
     for number, (label, (colour, events)) in enumerate(largest.items()):
         if not events.sizes["event"]:
             continue
@@ -320,13 +265,8 @@ def _key(figure: Figure, openings: Sequence[Mined], largest: Mapping[str, tuple]
             )
         )  # fmt: skip
     if handles:
+        above = (STEPS_ABOVE + BLOCK_HEIGHT + 0.03) / figure.get_figheight() if steps else 0.0
         figure.legend(
-            handles=handles, loc="lower center", ncols=-(-len(handles) // 2) if len(handles) > 6 else len(handles),
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, above), ncols=len(handles),
             borderaxespad=0.2, fontsize=8, columnspacing=1.4, handletextpad=0.5,
         )  # fmt: skip
-
-
-def _short(name: str) -> str:
-    """A step's name as it fits into the key; no formula, whatever it holds."""
-    name = name if len(name) <= 14 else name[:13] + "…"
-    return name.replace("$", r"\$")

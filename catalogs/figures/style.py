@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 
 from common.datasets import atomic_path
 
@@ -65,6 +66,16 @@ def new_figure(width: float = PAGE_WIDTH, height: float = 4.0, layout: str | Non
     figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
+
+
+def text_extent(figure: Figure, text: str, size: float) -> np.ndarray:
+    """Width and height (2,) of a line of text in letters of a size, points, pixels of the figure."""
+    canvas = figure.canvas
+    assert isinstance(canvas, FigureCanvasAgg)
+    width, height, _ = canvas.get_renderer().get_text_width_height_descent(
+        text, FontProperties(size=size), ismath=False
+    )
+    return np.array([width, height])
 
 
 def step_colours(dated: list[bool]) -> list:

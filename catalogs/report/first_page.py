@@ -4,13 +4,16 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from catalogs.compare.locations import location_errors
 from catalogs.figures import style
 from catalogs.figures.first_page_figure import Mined, box_of, first_page, within_reach
+from catalogs.figures.step_bars import Bars, step_bars
+from catalogs.report.by_opening import opening_rows
 from catalogs.report.evidence import MODEL_LABEL, Evidence, compared_events, shown_catalogues
 from catalogs.report.gallery import Gallery
-from catalogs.report.sections.steps import cut_of, latest_and_largest, step_lines, total
+from catalogs.report.sections.steps import StepLine, cut_of, latest_and_largest, step_lines, total
 from catalogs.report.sections.warnings import Advice, Banner, banners
 from catalogs.report.text import plural, whole
 from catalogs.report.uncertainty import Source, sources
@@ -21,6 +24,7 @@ MAX_DRAWN_EVENTS = 10  # Events of each catalogue in the picture.
 TWIN = "The record is a twin: this pipeline made it with other settings, and nothing in it was measured."
 MAX_BRIEF = 3  # Warnings that the first page names.
 MAX_NEXT = 3
+MAX_NAMED_OPENINGS = 3  # Openings that the picture names.
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
@@ -33,6 +37,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "notice": TWIN if evidence.is_twin else "",
         "warning": _warning(warnings),
         "picture": _picture(evidence, gallery),
+        "bars": _bars(evidence, gallery, lines) if len(lines) > 1 else None,
         "lines": chosen,
         "total": total(evidence, lines) if len(lines) > 1 else None,
         "others": len(lines) - len(chosen),
@@ -69,26 +74,68 @@ def _picture(evidence: Evidence, gallery: Gallery) -> dict:
         index for index, row in enumerate(rows) if not row.planned
     ]
     largest = _largest(evidence)
-    figure = gallery.add("first_page", first_page(evidence.grid, _openings(evidence), focus, evidence.planned, largest))
-    return figure | {"caption": _caption(evidence, focus, largest)}
+    worst = worst_openings(evidence)
+    names = {index: rows[index].name for index in worst}
+    drawn = first_page(evidence.grid, _openings(evidence), focus, evidence.planned, largest, names)
+    return gallery.add("first_page", drawn) | {"caption": _caption(evidence, focus, largest, len(worst))}
+
+
+def _bars(evidence: Evidence, gallery: Gallery, lines: Sequence[StepLine]) -> dict:
+    """Number and potency of events of all dated steps as bars."""
+    labels = [MODEL_LABEL] if evidence.record is None else [MODEL_LABEL, evidence.record_label]
+    colour = {str(step["step"]): one for step, one in zip(evidence.steps, _step_colours(evidence), strict=True)}
+
+    def of(name: str) -> dict[str, NDArray]:
+        return {
+            label: np.array([getattr(line.sides[side], name) for line in lines]) for side, label in enumerate(labels)
+        }
+
+    figure = step_bars(
+        [line.name for line in lines],
+        [colour[line.name] for line in lines],
+        [Bars("events", of("number")), Bars("potency\n(m³)", of("potency"))],
+        dict(zip(labels, (style.MODELLED, style.RECORDED), strict=False)),
+        np.array([evidence.record is None or line.recorded_days > 0 for line in lines]),
+    )
+    return gallery.add("first_page_steps", figure)
+
+
+def worst_openings(evidence: Evidence) -> list[int]:
+    """Indices of the openings with most modelled potency nearest to them, or recorded potency where the model has none,
+    at most MAX_NAMED_OPENINGS, the first one the worst; empty without events."""
+    shown = shown_catalogues(evidence)
+    if not shown:
+        return []
+    counted = compared_events(evidence, shown)
+    rows = opening_rows(evidence, list(shown.values()), list(counted.values()))
+    side = next((side for side in range(len(shown)) if any(row.sides[side].potency > 0 for row in rows)), None)
+    if side is None:
+        return []
+    rows = sorted((row for row in rows if row.sides[side].potency > 0), key=lambda row: -row.sides[side].potency)
+    index = {row.name: number for number, row in enumerate(evidence.excavations)}
+    return [index[row.name] for row in rows[:MAX_NAMED_OPENINGS]]
+
+
+def _step_colours(evidence: Evidence) -> list:
+    """A colour for each step."""
+    return style.step_colours([bool(int(step["dated"])) for step in evidence.steps])
 
 
 def _openings(evidence: Evidence) -> list[Mined]:
-    """Excavations by step in the colours of the steps; planned ones first, so that they hide none that is mined."""
+    """Excavations by step, in the order of mining and in the colours of the steps; the planned ones are no step's."""
     rows, names = evidence.excavations, [str(step["step"]) for step in evidence.steps]
-    colours = style.step_colours([bool(int(step["dated"])) for step in evidence.steps])
-    found = [Mined("planned", style.mpl.colors.to_rgb(PLANNED), evidence.planned)]
+    found = [Mined("planned", style.mpl.colors.to_rgb(PLANNED), evidence.planned, is_step=False)]
     early = [index for index, row in enumerate(rows) if not row.planned and row.step not in names]
-    found.append(Mined("earlier", style.mpl.colors.to_rgb(style.BEFORE_RECORD), early))
-    for name, colour in zip(names, colours, strict=True):
+    found.append(Mined("earlier", style.mpl.colors.to_rgb(style.BEFORE_RECORD), early, is_step=False))
+    for name, colour in zip(names, _step_colours(evidence), strict=True):
         found.append(Mined(name, tuple(colour), [index for index, row in enumerate(rows) if row.step == name]))
     return found
 
 
-def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[str, xr.Dataset]]) -> str:
-    """Caption of the picture: the events drawn, and the number of those beyond its edges.
+def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[str, xr.Dataset]], named: int) -> str:
+    """Caption of the picture: the events drawn, the number of those beyond its edges, and which openings are named.
 
-    largest: by label of the catalogue, the colour and the events to be drawn.
+    largest: by label of the catalogue, the colour and the events to be drawn; named: number of openings.
     """
     drawn = {label: events for label, (_, events) in largest.items() if events.sizes["event"]}
     if not drawn:
@@ -101,7 +148,9 @@ def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[
     text = f"Openings by step, and events: {' and '.join(counts)}."
     box, places = box_of(evidence.grid, focus), [events["location"].values for events in drawn.values()]
     outside = 0 if box is None else sum(int((~within_reach(place, *box)).sum()) for place in places)
-    return text + (f" {plural(outside, 'event')} farther away not shown." if outside else "")
+    text += f" {plural(outside, 'event')} farther away not shown." if outside else ""
+    openings = "The opening" if named == 1 else f"The {named} openings"
+    return text + (f" {openings} with most potency nearby {'is' if named == 1 else 'are'} named." if named else "")
 
 
 def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:

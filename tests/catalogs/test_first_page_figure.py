@@ -5,11 +5,15 @@ import pytest
 import xarray as xr
 from matplotlib.collections import PathCollection
 from matplotlib.colors import to_rgb
+from matplotlib.patches import Rectangle
 
 from catalogs.figures import first_page_figure, style
-from catalogs.figures.first_page_figure import PLAN, SECTIONS, Mined, box_of, frame, section_of, silhouette
+from catalogs.figures.first_page_figure import Mined, box_of, frame, section_of
+from catalogs.figures.silhouettes import PLAN, SECTIONS, cells_covered
+from catalogs.figures.step_key import shortened
 
 EDGE = 2.0
+STEPS = ["a $step_1$ of a mine", *(f"2020-{month:02d}" for month in range(1, 13))]
 
 
 def grid_of(cells: np.ndarray, fraction=1.0, owner=None) -> xr.Dataset:
@@ -71,7 +75,7 @@ def test_the_silhouette_covers_the_projection_of_all_cells(plane):
     """Points of every cell are covered, and no rectangle lies where no cell is."""
     generator = np.random.default_rng(1)
     cells = np.unique(generator.integers(-8, 8, (60, 3)), axis=0)
-    lower, size = silhouette(plane, grid_of(cells), [0])
+    lower, size = cells_covered(plane, grid_of(cells), [0])
     inside = EDGE * (cells[:, None, :] + generator.random((len(cells), 30, 3))).reshape(-1, 3)
     assert covered(lower, size, plane.project(inside)).all()
     middle = plane.project(EDGE * (cells + 0.5))
@@ -82,11 +86,11 @@ def test_the_silhouette_covers_the_projection_of_all_cells(plane):
 def test_cells_that_excavations_share_count_together_and_thin_openings_are_drawn():
     """Two of 30 % make 60 %; alone neither is drawn beside a full cell; a slot of 30 % throughout is."""
     cells = np.array([[0, 0, 0], [0, 0, 0], [5, 0, 0]])
-    lower, _ = silhouette(PLAN, grid_of(cells, [0.3, 0.3, 1.0], [0, 1, 2]), [0, 1, 2])
+    lower, _ = cells_covered(PLAN, grid_of(cells, [0.3, 0.3, 1.0], [0, 1, 2]), [0, 1, 2])
     assert len(lower) == 2
-    assert len(silhouette(PLAN, grid_of(cells[1:], [0.3, 1.0], [1, 2]), [1, 2])[0]) == 1
-    assert len(silhouette(PLAN, grid_of(drive(0), 0.3), [0])[0]) == len(drive(0))
-    assert len(silhouette(PLAN, grid_of(drive(0)), [7])[0]) == 0
+    assert len(cells_covered(PLAN, grid_of(cells[1:], [0.3, 1.0], [1, 2]), [1, 2])[0]) == 1
+    assert len(cells_covered(PLAN, grid_of(drive(0), 0.3), [0])[0]) == len(drive(0))
+    assert len(cells_covered(PLAN, grid_of(drive(0)), [7])[0]) == 0
 
 
 def test_the_frame_holds_openings_and_near_events_and_no_far_ones():
@@ -112,11 +116,28 @@ def drawn(azimuth: float, catalogues: int = 2):
         label: (colour, events_at(place, [2.0, 1.0, -0.5]))
         for label, colour, place in zip(("Modelled", "Recorded"), (style.MODELLED, style.RECORDED), places, strict=True)
     }
-    openings = [Mined("planned", (1.0, 1.0, 1.0), [1]), Mined("a $step_1$ of a mine", (0.2, 0.5, 0.4), [0])]
+    openings = [Mined("planned", (1.0, 1.0, 1.0), [1], is_step=False)]
+    openings += [Mined(name, (0.2, 0.5, 0.4), [0][number:]) for number, name in enumerate(STEPS)]
     with style.applied():
-        figure = first_page_figure.first_page(grid, openings, [0], [1], dict(list(largest.items())[:catalogues]))
+        shown = dict(list(largest.items())[:catalogues])
+        figure = first_page_figure.first_page(grid, openings, [0], [1], shown, {0: "drive", 1: "planned drive"})
         figure.canvas.draw()
     return figure, largest
+
+
+def circles_of(axes) -> list[PathCollection]:
+    """The events of each catalogue."""
+    return [one for one in axes.collections if isinstance(one, PathCollection) and len(one.get_offsets()) == 3]
+
+
+def test_every_step_is_in_the_key_and_openings_are_named():
+    """Thirteen steps, one of which mines; the names of two openings in both panels."""
+    figure, _ = drawn(90)
+    assert len([one for one in figure.artists if isinstance(one, Rectangle)]) == len(STEPS)
+    assert [text.get_text() for text in figure.texts] == [shortened(name) for name in STEPS][::2]
+    assert figure.legends[0].get_texts()[0].get_text() == "planned"
+    for axes in figure.axes:
+        assert {"drive", "planned drive"} <= {text.get_text() for text in axes.texts}
 
 
 @pytest.mark.parametrize("azimuth", [90, 0, 45])
@@ -144,13 +165,13 @@ def test_plan_and_section_have_one_scale_and_lie_within_the_picture(azimuth):
         "elevation z (m)",
     ]
     for number, (_, events) in enumerate(largest.values()):
-        circles = [one for one in plan.collections if isinstance(one, PathCollection)][number]
+        circles = circles_of(plan)[number]
         np.testing.assert_allclose(circles.get_offsets(), events["location"].values[:, :2])
 
 
 def test_circles_grow_with_magnitude_full_for_the_model_and_hollow_for_the_record():
     figure, _ = drawn(90)
-    model, record = (one for one in figure.axes[0].collections if isinstance(one, PathCollection))
+    model, record = circles_of(figure.axes[0])
     for circles in (model, record):
         sizes = np.sqrt(circles.get_sizes())
         assert sizes.tolist() == sorted(sizes, reverse=True)

@@ -82,7 +82,8 @@ def opened(browser: Browser, page: Path, width: int, height: int, media: str = "
     browser.wait_for("document.readyState === 'complete' && document.querySelector('#first img')?.complete")
     script = (
         "JSON.stringify(Object.fromEntries(['#first', '#first .left', '#first .right', '#first .terms', "
-        "'#first img', '#first table', '#first .frame'].map((name) => [name.replace('#first', '').trim(), "
+        "'#first img', '#first table', '#first .frame', '#first .bars']"
+        ".map((name) => [name.replace('#first', '').trim(), "
         "((one) => [one.left, one.top, one.right, one.bottom])("
         "document.querySelector(name).getBoundingClientRect())])))"
     )
@@ -101,7 +102,7 @@ def assert_fits(parts: dict, width: float, height: float) -> None:
         assert part[2] <= right + 0.5, name
         assert part[3] <= bottom + 0.5, name
     assert parts[".left"][2] < parts[".right"][0]
-    assert parts[".frame"][3] < parts["table"][1]
+    assert parts[".frame"][3] < parts["table"][1] < parts["table"][3] <= parts[".bars"][1]
     assert max(parts[".left"][3], parts[".right"][3], parts["table"][3]) <= parts[".terms"][1] + 0.5
     assert parts[".frame"][3] - parts[".frame"][1] > 190
 
@@ -160,7 +161,7 @@ def test_the_fullest_page_is_full(browser, fullest):
     rows = browser.value("document.querySelectorAll('#first tr').length")
     assert rows == 2 + MAX_LINES + 1
     said = browser.value("document.getElementById('first').textContent")
-    assert f"The other {STEPS - MAX_LINES} are in" in said
+    assert f"has all {STEPS}" in said
     assert "Do not use these numbers yet: this is a draft" in said
     assert re.search(r"; \d more\.", said)
     assert first_page.TWIN in said

@@ -19,7 +19,7 @@ from catalogs.report.text import MAX_NAMED, fixed, magnitude, number, plural, ty
 from catalogs.sources.sizes import log_potency
 from common.event_table import ON_PLANES
 
-MAX_LINES = 5  # Steps on the first page.
+MAX_LINES = 4  # Steps on the first page.
 MAX_STEPS_LISTED = 12  # Steps that one sentence lists.
 
 
