@@ -21,10 +21,13 @@ KEY = re.compile(r"[a-zA-Z_][\w-]*\w")  # of Snakemake; no key of a mine's file 
 WORD = re.compile(r"[\w-]+")
 ROOM = 1 << 16  # Bytes that a run needs at least: its log, its notes and the files of its jobs.
 ELSEWHERE = "start in another folder, or name one with --directory"
+targets: list[str] = []
+"""What Snakemake was asked for: `check_command_line` notes it, since Snakemake tells a Snakefile nothing of it."""
 
 
 def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> None:
-    """Check Snakemake's arguments and the words that they were made from. Raises InputError."""
+    """Check Snakemake's arguments and the words that they were made from, and note the targets. Raises InputError."""
+    targets[:] = arguments.targets
     check_files(arguments.configfile)
     if sum(bool(OPTION.match(word)) for word in words) > 1:
         raise InputError(
@@ -33,6 +36,11 @@ def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> N
         )
     read_overrides(arguments.config)
     check_folder(arguments.directory or ".")
+
+
+def draws_alone() -> bool:
+    """True if Snakemake was asked for nothing but pictures of the scene."""
+    return bool(targets) and all(target == "scene" or target.endswith("/scene.png") for target in targets)
 
 
 def read_overrides(entries: Sequence[str] | None) -> dict:

@@ -1,5 +1,6 @@
 """A mine's configuration as Snakemake has merged it: read, checked, in SI units."""
 
+import contextlib
 import copy
 import datetime
 import math
@@ -45,12 +46,17 @@ def load_mine(mine_file: str | os.PathLike, changes: dict | None = None) -> Mine
 
 
 def load(
-    config: dict, mine_file: str | os.PathLike, default: dict | None = None, overrides: dict | None = None
+    config: dict,
+    mine_file: str | os.PathLike,
+    default: dict | None = None,
+    overrides: dict | None = None,
+    may_lack_record: bool = False,
 ) -> Mine:
     """Check a merged configuration (default and mine) and convert it to SI; `default` is kept for the report.
 
-    overrides: what of it --config says. Raises InputErrors: a line for each mistake, in the order of the file, with the
-    file (or --config) and the key.
+    overrides: what of it --config says. may_lack_record: where all mistakes are in section record, return the mine
+    without it, and the mistakes as its `record_mistakes`. Raises InputErrors: a line for each mistake, in the order of
+    the file, with the file (or --config) and the key.
     """
     mine_file, mistakes = Path(mine_file), Mistakes()
     odd: dict[str, str] = {}
@@ -73,6 +79,12 @@ def load(
         lines = sorted_by_place(list(dict.fromkeys(mistakes.lines)), mine_file, overrides or {})
         if len(lines) > MAX_MISTAKES_SHOWN + 1:
             lines[MAX_MISTAKES_SHOWN:] = [f"{mine_file}: and {len(lines) - MAX_MISTAKES_SHOWN} more mistakes"]
+        if may_lack_record and all(section_of(line) == "record" for line in mistakes.lines):
+            rest = {key: value for key, value in config.items() if key not in ("record", "forecasts")}
+            with contextlib.suppress(InputError):  # of what needs the record
+                mine = load(rest, mine_file, default, overrides)
+                mine.record_mistakes = "; ".join(lines)
+                return mine
         raise InputErrors(lines)
     return mine
 

@@ -138,16 +138,17 @@ class Mine(MineConfiguration):
         return self.mechanics_slice(self.step_index(step))
 
     def picture_slice(self) -> dict:
-        """Settings of stage `scene`, a picture: of every step its name, whether it has dates, what it mines."""
+        """Settings of stage `scene`, a picture: of every step its name, whether it has dates, what it mines; those of
+        the record, if there is one to compare with, or why it is left out."""
         mined: dict[str, list[str]] = {step.name: [] for step in self.steps}
         for entry in self.excavations:
             if entry.step in mined:
                 mined[entry.step].append(entry.name)
-        return {
-            "steps": [
-                {"name": step.name, "dated": step.is_dated, "excavations": mined[step.name]} for step in self.steps
-            ]
-        }
+        steps = [{"name": step.name, "dated": step.is_dated, "excavations": mined[step.name]} for step in self.steps]
+        has_record = bool(self.dated_steps) and self.settings.record is not None
+        if self.record_mistakes:
+            return {"steps": steps, "record_mistakes": self.record_mistakes}
+        return {"steps": steps} | ({"record": self.record_slice()} if has_record else {})
 
     def catalogue_slice(self) -> dict:
         """Settings of stage `catalogue`: those of section `seismic`, and where the mine is."""

@@ -39,6 +39,7 @@ class MineConfiguration:
     far_field: FarField | None = field(init=False, default=None)  # of a derived domain (workflow/derived_domain.py)
     resized_by: str = field(init=False, default="")  # what has changed the cells: see mpm_core.settings.RESIZED
     perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
+    record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
     _number: dict[str, int] = field(init=False)
 
     def __post_init__(self):

@@ -14,7 +14,7 @@ from snakemake.utils import update_config
 
 from common.errors import InputError
 from workflow import BASE
-from workflow.command_line import read_overrides
+from workflow.command_line import draws_alone, read_overrides
 from workflow.configuration import load
 from common.stage import PARENT
 from common.result_folders import BASELINES, CALIBRATION, COARSE, PLANS
@@ -45,7 +45,7 @@ try:
     check_files(workflow.overwrite_configfiles or [MINE_FILE])
     OVERRIDES = read_overrides(workflow.config_settings.config_args)
     update_config(config, OVERRIDES)
-    MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT, OVERRIDES)
+    MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT, OVERRIDES, may_lack_record=draws_alone())
     check_owner(MINE.name, MINE_FILE)
     if workflow.overwrite_configfiles and workflow.is_main_process:
         for note in notes(MINE):

@@ -4,10 +4,11 @@
 rule scene:
     """A picture of the scene, before anything is solved, on request: cells, solids by step, record.
 
-    Cells are those of the first step; cells that follow the rock are split in the steps.
+    Cells are those of the first step; cells that follow the rock are split in the steps. The stage reads the record
+    itself: one that cannot be read is left out of the picture.
     """
     input:
-        **INPUTS.of("scene", grid=FILES.own("grid.nc"), record=FILES.if_recorded("record.nc")),
+        **INPUTS.of("scene", grid=FILES.own("grid.nc")),
     output:
         FILES.own("scene.png"),
     log:

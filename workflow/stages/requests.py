@@ -11,13 +11,23 @@ from workflow.stages import stage
 def scene(job: Job) -> None:
     """A picture of what will be solved: cells, solids, record."""
     from catalogs.figures.overview import write_overview
+    from catalogs.records import read_record
     from catalogs.settings import PictureSlice
     from common.datasets import read_dataset
-    from common.event_table import read_events
+    from common.errors import InputError
 
-    record = job.input_if_any("record")
-    steps = PictureSlice.of(job.settings).steps
-    write_overview(read_dataset(job.input("grid")), steps, read_events(record) if record else None, job.output())
+    record, mistakes, grid = None, job.settings.get("record_mistakes", ""), read_dataset(job.input("grid"))
+    if "record" in job.settings:
+        # The record's own stage would end the run: what a user looks for here is in the solids, too.
+        try:
+            record = read_record(job.settings["record"])
+        except InputError as error:
+            mistakes = str(error)
+    note = f"The record is not drawn: {mistakes}" if mistakes else ""
+    if note:
+        logging.warning(note)
+    steps = PictureSlice.of({"steps": job.settings["steps"]}).steps
+    write_overview(grid, steps, record, job.output(), note)
 
 
 @stage("catalogs", settings=lambda mine, wildcards: {"noise": 10.0, "cut": -3.0, "seed": 1})
