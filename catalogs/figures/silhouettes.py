@@ -7,6 +7,7 @@ round is the silhouette. In a plane the segments of a solid are such curves them
 """
 
 import heapq
+import json
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from matplotlib.transforms import IdentityTransform
 from numpy.typing import NDArray
 
 from catalogs.figures import style, views
+from catalogs.sources.openings import overlaps
 
 EAST, NORTH, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 HALF = float(np.sqrt(0.5))
@@ -30,8 +32,6 @@ OUTLINE_WIDTH = 0.7  # Points, outside of the silhouette.
 MAX_FACETS, PIXELS = 5000, 500
 FACETS_AT_ONCE = 20_000  # Facets of one path: matplotlib's renderer takes no path of any length.
 MAX_VECTOR_POINTS = 20_000  # More points of curves than these are drawn as pixels.
-# An excavation hides an earlier one that it overlaps by less than this share of the smaller of the two.
-MIN_OVERLAP = 0.05
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,8 @@ def drawing_order(grid: xr.Dataset, excavations: Sequence[int]) -> list[int]:
     rank = {excavation: place for place, excavation in enumerate(excavations)}
     waits: dict[int, set[int]] = {excavation: set() for excavation in excavations}  # for those drawn before it
     frees: dict[int, list[int]] = defaultdict(list)
-    for one, other in _overlapping(grid):
+    pairs = json.loads(grid.attrs["excavation_overlaps"]) if "excavation_overlaps" in grid.attrs else overlaps(grid)
+    for one, other in pairs:
         if one in rank and other in rank:
             early, late = sorted((one, other), key=rank.__getitem__)
             waits[early].add(late)
@@ -219,25 +220,6 @@ def drawing_order(grid: xr.Dataset, excavations: Sequence[int]) -> list[int]:
             if not waits[early]:
                 heapq.heappush(ready, rank[early])
     return order
-
-
-def _overlapping(grid: xr.Dataset) -> list[tuple[int, int]]:
-    """Pairs of excavations that hold the same points of cells, at least MIN_OVERLAP of the smaller one."""
-    if "piece_samples" not in grid:
-        return []
-    samples, owner = grid["piece_samples"].values, grid["piece_excavation"].values.astype(np.int64)
-    lower, edge = views.domain(grid)[0], float(grid.attrs["fine_cell"])
-    _, cell = np.unique(np.rint((grid["piece_origin"].values - lower) / edge), axis=0, return_inverse=True)
-    order = np.argsort(cell.ravel(), kind="stable")
-    cell, samples, owner = cell.ravel()[order], samples[order], owner[order]
-    total = np.bincount(owner, np.bitwise_count(samples))
-    both: dict[tuple[int, int], float] = defaultdict(float)
-    for apart in range(1, int(np.bincount(cell).max(initial=0))):  # places of two pieces of one cell, in the list
-        first = np.flatnonzero(cell[apart:] == cell[:-apart])
-        shared = np.bitwise_count(samples[first] & samples[first + apart])
-        for one, other, count in zip(owner[first], owner[first + apart], shared, strict=True):
-            both[min(one, other), max(one, other)] += count
-    return [(int(a), int(b)) for (a, b), count in both.items() if count > MIN_OVERLAP * min(total[a], total[b])]
 
 
 def draw(axes: Axes, bodies: Sequence[tuple[Sequence[NDArray], tuple]], **options) -> PathCollection:

@@ -5,6 +5,8 @@ grid.nc. Fill is mined again by a later excavation. What stands open already is 
 order (mpm_core/model/occupancy.py).
 """
 
+import json
+from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +18,7 @@ from common.errors import InputError
 
 NEIGHBOURS = 16  # Cells, nearest by their centres, among which the nearest by its sides is looked for.
 NEVER = 1 << 30  # Place in the order of steps of what no step does.
+MIN_OVERLAP = 0.05  # Excavations overlap that have this share of the smaller one in common.
 NOTHING, ROCK, FILL = range(3)  # What an excavation mines of one of its pieces.
 
 
@@ -78,8 +81,12 @@ class Mining:
         return origin[first], excavation[first]
 
     def first_mined(self, grid: xr.Dataset) -> xr.Dataset:
-        """The grid with the pieces that their excavations mine as rock only, so that each part of a cell is in one."""
-        return grid.isel(piece=np.flatnonzero(self.takes == ROCK))
+        """The grid with the pieces that their excavations mine as rock only, so that each part of a cell is in one.
+
+        Its attribute `excavation_overlaps` tells which excavations overlap, as JSON.
+        """
+        drawn = grid.isel(piece=np.flatnonzero(self.takes == ROCK))
+        return drawn.assign_attrs(excavation_overlaps=json.dumps(overlaps(grid)))
 
 
 def _parts_of(grid: xr.Dataset) -> NDArray:
@@ -95,6 +102,24 @@ def _parts_of(grid: xr.Dataset) -> NDArray:
     part = np.empty(len(order), np.int64)
     part[order] = np.append(0, np.cumsum(other))
     return part
+
+
+def overlaps(grid: xr.Dataset) -> list[tuple[int, int]]:
+    """Pairs of excavations that hold the same points of cells, at least MIN_OVERLAP of the smaller one."""
+    if "piece_samples" not in grid or not grid.sizes["piece"]:
+        return []
+    samples, owner = grid["piece_samples"].values, grid["piece_excavation"].values.astype(np.int64)
+    _, cell = np.unique(grid["piece_origin"].values, axis=0, return_inverse=True)
+    order = np.argsort(cell.ravel(), kind="stable")
+    cell, samples, owner = cell.ravel()[order], samples[order], owner[order]
+    total = np.bincount(owner, np.bitwise_count(samples))
+    both: dict[tuple[int, int], float] = defaultdict(float)
+    for apart in range(1, int(np.bincount(cell).max())):  # places between two pieces of one cell in the list
+        first = np.flatnonzero(cell[apart:] == cell[:-apart])
+        shared = np.bitwise_count(samples[first] & samples[first + apart])
+        for one, other, count in zip(owner[first], owner[first + apart], shared, strict=True):
+            both[min(one, other), max(one, other)] += count
+    return [(int(a), int(b)) for (a, b), count in both.items() if count > MIN_OVERLAP * min(total[a], total[b])]
 
 
 def nearest_opening(

@@ -147,6 +147,8 @@ def test_what_is_mined_first_is_drawn_over_later_solids_that_overlap_it():
     assert drawing_order(grid, [0, 1, 2, 3, 4]) == [2, 1, 0, 3, 4]
     assert drawing_order(grid, [4, 3, 2, 1, 0]) == [4, 3, 0, 1, 2]  # mined in the other order
     assert drawing_order(grid, [3, 4]) == [3, 4]
+    without = grid.isel(piece=slice(0, 0)).assign_attrs(excavation_overlaps="[[1, 2]]")  # as Mining.first_mined has it
+    assert drawing_order(without, [0, 1, 2]) == [0, 2, 1]
     assert drawing_order(grid.drop_vars("piece_samples"), [0, 1, 2]) == [0, 1, 2]
 
 
