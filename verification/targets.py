@@ -136,7 +136,8 @@ MEASURING = {  # By the name of the target.
     "calibration_truth": Measuring(lambda cases: list(TERMS), numerics=("calibration",)),
 }
 BY_RULE_CASE = [target for target, measuring in MEASURING.items() if measuring.memory]
-MODEL = ("common", "mpm_core", "seismic", "catalogs", "workflow")  # Packages that answers and cases measure.
+# Packages that answers and cases measure.
+MODEL = ("common", "mpm_core", "seismic", "catalogs", "baselines", "workflow")
 SHARED = ("comparisons.py", "results.py", "rows.py", "scenes.py", "studies.py")  # Modules of verification.
 
 
