@@ -7,7 +7,7 @@ import pandas as pd
 
 from baselines.map_scores import MIN_CLUSTERS, SIGNIFICANCE, Estimate, MapScores, adjusted, verdict_of
 from baselines.months import MEASURES, Months, Rate
-from catalogs.report.text import between, fixed, number, percent, plural, whole
+from catalogs.report.text import between, fixed, hundredths, number, percent, plural, whole
 from common.datasets import atomic_path
 
 OF_RECORD = ("all_earlier", "last")  # Maps that need a record; the others of the table need none.
@@ -89,11 +89,6 @@ def _lead(lead: Estimate, p_value: float, name: str, than: str) -> str:
 def p_text(p_value: float) -> str:
     """A p-value in words of a table."""
     return "p < 0.001" if p_value < 0.001 else f"p = {number(p_value, 2)}"
-
-
-def hundredths(value: float) -> str:
-    """A gain, nats, with two decimals."""
-    return fixed(value, 2)
 
 
 def map_rows(months: Months) -> list[dict]:

@@ -15,7 +15,6 @@ from baselines.catalogues import split_runs
 from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
 from baselines.models import NUMBER, POTENCY, Counted, Model, ModelComparison, compare_with_record
 from baselines.month_report import (
-    hundredths,
     map_rows,
     nuisance_rows,
     p_text,
@@ -30,7 +29,7 @@ from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.compare.spread import read_members
 from catalogs.figures import panels, style, views
-from catalogs.report.text import DASH, between, fixed, number, percent, whole, with_unit
+from catalogs.report.text import DASH, between, fixed, hundredths, number, percent, whole, with_unit
 from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events

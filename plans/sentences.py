@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ def ratio_text(difference: Difference) -> str:
         return "the same runs"
     if not np.isfinite(difference.interval).any():
         return DASH
-    interval = between(difference.interval, lambda value: number(value, 2))
+    interval = between(difference.interval, partial(number, digits=2))
     return f"{number(difference.value, 2)} ({interval})"
 
 
@@ -160,7 +161,7 @@ def _ratio(difference: Difference) -> str:
 
 
 def _interval(difference: Difference) -> str:
-    ends = between(difference.interval, lambda value: number(value, 2))
+    ends = between(difference.interval, partial(number, digits=2))
     return f" (95 % interval {ends})" if np.isfinite(difference.interval).any() else ""
 
 
@@ -304,9 +305,9 @@ def _law_text(plan: PlanSummary) -> str:
         return f"There {'is' if events == 1 else 'are'} {plural(events, 'event')}: too few for a law of sizes."
     whose = "the record" if attributes["law_source"] == "record" else "the runs"
     bound = [plan.magnitude(float(end)) for end in np.atleast_1d(attributes["law_bound_interval"])]
-    slope = between(np.atleast_1d(attributes["law_b_interval"]), lambda value: number(value, 2))
+    slope = between(np.atleast_1d(attributes["law_b_interval"]), partial(number, digits=2))
     return (
         f"Sizes follow {whole(attributes['law_events'])} events of {whose} from log P {number(attributes['floor'], 3)} "
         f"on: b = {number(attributes['law_b'], 2)} ({slope}), and an upper end at Mw "
-        f"{between(bound, lambda value: number(value, 2))}."
+        f"{between(bound, partial(number, digits=2))}."
     )

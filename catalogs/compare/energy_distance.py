@@ -104,6 +104,9 @@ class Matched:
         totals = [np.bincount(step, count) for step, count in zip(self.step, self.counts, strict=True)]
         events = [total / side.draws for total, side in zip(totals, sides, strict=True)]
         self.step_weight = events[0] * events[1] / (events[0] + events[1])
+        # Of events that are as clustered: variance of the model's mean over that of the record's.
+        variance = [float(np.sum(self.step_weight**2 / number)) for number in events]
+        self.variance_ratio = variance[0] / variance[1]
         chosen = []
         for side, own in zip(sides, self.own, strict=True):
             kept = np.isin(side.labels, own)
@@ -134,17 +137,19 @@ class Matched:
         """Centroid (resampling, 3), m, of model and record within steps, of the blocks, each counted so many times."""
         return [side.centroids(weight) for side, weight in zip(self.sides, self._weighted(weights), strict=True)]
 
-    def offset_scatter(self) -> Scatter:
-        """Scatter of the offset of the centroids, m: the jackknife over the units of both catalogues."""
+    def offset_scatter(self, ran_once: bool) -> Scatter:
+        """Scatter of the offset of the centroids, m: the jackknife over the units of both catalogues.
+
+        ran_once: the model has no units; its events are taken to be as clustered as the record's.
+        """
         both = [np.ones((1, count)) for count in self.blocks]
-        without = [1.0 - (unit == np.arange(count)[:, None]) for unit, count in zip(self.unit, self.units, strict=True)]
         estimate = [part[0] for part in self.centroids(both)]
-        moved = [self.centroids(pair)[side] for side, pair in enumerate(([without[0], both[1]], [both[0], without[1]]))]
-        model, record = (
-            Scatter.of(again, mean, self._freedom(side))
-            for side, (again, mean) in enumerate(zip(moved, estimate, strict=True))
-        )
-        return model + record
+        found = []
+        for side in (1,) if ran_once else (0, 1):
+            without = 1.0 - (self.unit[side] == np.arange(self.units[side])[:, None])
+            moved = self.centroids([without if side == 0 else both[0], without if side == 1 else both[1]])[side]
+            found.append(Scatter.of(moved, estimate[side], self._freedom(side)))
+        return found[0].times(1.0 + self.variance_ratio) if ran_once else found[0] + found[1]
 
     def _freedom(self, side: int) -> float:
         """Degrees of freedom of a catalogue's centroid: the effective number of units, less one for each step's mean.
@@ -166,14 +171,30 @@ class Matched:
         cross, model, record = pair_means(self._sums[1.0], self.counts, self._weighted(weights))
         return 2 * cross - model - record
 
+    def random_signs(self, resamplings: int, ran_once: bool, generator: np.random.Generator) -> NDArray:
+        """Random factors (resampling, block of both) for `wild_bootstrap`: one sign for all blocks of a unit.
+
+        ran_once: the model has no units. Its events are taken to be as clustered as the record's, so that a second sign
+        of each unit of the record, times the ratio of the standard errors, stands for the model's.
+        """
+        model, record = (
+            generator.choice([-1.0, 1.0], size=(resamplings, self.units[1 if ran_once else side]))[:, self.unit[own]]
+            for side, own in ((0, 1 if ran_once else 0), (1, 1))
+        )
+        if not ran_once:
+            return np.concatenate([model, record], axis=1)
+        none = np.zeros((resamplings, self.blocks[0]))
+        return np.concatenate([none, record + np.sqrt(self.variance_ratio) * model], axis=1)
+
     def wild_bootstrap(self, exponent: float, signs: NDArray) -> tuple[float, NDArray]:
         """Energy distance of a power of distance (1 or 1.5), and what it is (resampling,) if both are of one process.
 
         A dependent wild bootstrap (Leucht and Neumann 2013; Chwialkowski et al. 2014): the block sums are centred on
         the mean of the block's own catalogue in its step, so that a true difference drops out, and each unit takes a
-        random sign, signs (resampling, unit of both). Unlike a permutation this also holds where one catalogue's blocks
-        are larger than the other's. A large block draws that mean to itself: it is divided by one minus its share of
-        the events, which puts it against the mean of the others (as in the CR3 estimate of a clustered variance).
+        random sign, signs (resampling, block of both), `random_signs`. Unlike a permutation this also holds where one
+        catalogue's blocks are larger than the other's. A large block draws that mean to itself: it is divided by one
+        minus its share of the events, which puts it against the mean of the others (as in the CR3 estimate of a
+        clustered variance).
         """
         sums, counts = self._sums[exponent], np.concatenate(self.counts)
         group = np.concatenate([self.step[0], self.step[1] + self.steps])  # step and catalogue
@@ -186,8 +207,7 @@ class Matched:
         centred += np.outer(counts, counts) * between[np.ix_(group, group)]
         weight = np.concatenate([self.step_weight, -self.step_weight]) / self.step_weight.sum()
         share = (weight / totals)[group]
-        unit = np.concatenate([self.unit[0], self.unit[1] + self.units[0]])
-        scaled = signs[:, unit] * (share / (1 - counts / totals[group]))
+        scaled = signs * (share / (1 - counts / totals[group]))
         return float(-(share @ sums @ share)), -np.sum((scaled @ centred) * scaled, axis=1)
 
 

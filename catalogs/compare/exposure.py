@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from catalogs.records.times import parse_time
 from catalogs.settings import DatedStep
 from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.significance import POWER, TEST_LEVEL
 
 DAY = np.timedelta64(86400 * 10**9, "ns")
 # Lengths of the windows in which events are counted for their clustering, days. An aftershock may come a week later.
@@ -27,6 +28,8 @@ WINDOW_DAYS = (1, 2, 4, 8)
 MIN_WINDOWS = 10  # Windows of one length that a variance needs.
 # Chance of finding clustering among independent events, whose limits are exact without it.
 CLUSTERING_SIGNIFICANCE = 0.05
+POWER_POINTS = 24  # Quantiles of each total that power is computed with.
+MAX_LOG_RATIO = np.log(1e6)  # Larger ratios count as such that no test notices.
 MAX_EQUAL_EVENTS = 1e7  # More equal events make an interval no narrower that matters.
 
 
@@ -168,10 +171,46 @@ def total_ratio(first: Total, second: Total) -> Ratio:
     """
     if not first.value + second.value > 0:
         return Ratio(np.nan, np.full(2, np.nan), np.nan)
+    scales = first.scale, second.scale
     worth = [min(one.value / one.scale, MAX_EQUAL_EVENTS) + 0.5 for one in (first, second)]
-    middle = first.scale * worth[0] / (second.scale * worth[1])
     freedom = 2 * worth[0], 2 * worth[1]
-    lower, upper = middle * scipy.stats.f.ppf(INTERVAL_95, *freedom)
+    lower, upper = scales[0] * worth[0] / (scales[1] * worth[1]) * scipy.stats.f.ppf(INTERVAL_95, *freedom)
     lower, upper = lower if first.value else 0.0, upper if second.value else np.inf
-    p_value = 2 * min(scipy.stats.f.cdf(1 / middle, *freedom), scipy.stats.f.sf(1 / middle, *freedom))
-    return Ratio(first.value / second.value if second.value else np.nan, np.array([lower, upper]), float(p_value))
+    return Ratio(
+        first.value / second.value if second.value else np.nan,
+        np.array([lower, upper]),
+        float(_chance(*np.array(worth), *scales)),
+    )
+
+
+def _chance(first: NDArray, second: NDArray, first_scale: float, second_scale: float) -> NDArray:
+    """p-value of a ratio of 1 of totals that are worth so many equal events, half an event more each."""
+    inverse = second_scale * second / (first_scale * first)
+    freedom = 2 * first, 2 * second
+    return 2 * np.minimum(scipy.stats.f.cdf(inverse, *freedom), scipy.stats.f.sf(inverse, *freedom))
+
+
+def noticed_ratio(first: Total, second: Total) -> float:
+    """Ratio of expected totals, on the side of the ratio found, that the test of `total_ratio` notices with the chance
+    POWER (`sources.significance`), if what is found of the second is what is expected.
+
+    Infinite or 0 where no total is large or small enough; NaN without a second total.
+    """
+    if not second.value:
+        return np.nan
+    scales, sign = (first.scale, second.scale), 1.0 if first.value > second.value else -1.0
+    shares = (np.arange(POWER_POINTS) + 0.5) / POWER_POINTS
+
+    def worth(total: float, scale: float) -> NDArray:
+        """Quantiles of the number of equal events that is found, half an event more."""
+        return scipy.stats.gamma.ppf(shares, min(total / scale, MAX_EQUAL_EVENTS) + 0.5)
+
+    def lack(log_ratio: float) -> float:
+        """Power that is lacking where the first total is expected to be this much larger."""
+        expected = worth(second.value * np.exp(log_ratio), scales[0])[:, None], worth(second.value, scales[1])
+        return POWER - float(np.mean(_chance(*expected, *scales) <= TEST_LEVEL))
+
+    far = sign * MAX_LOG_RATIO
+    if lack(far) > 0.0:
+        return np.inf if sign > 0.0 else 0.0
+    return float(np.exp(scipy.optimize.brentq(lack, *sorted((0.0, far)), xtol=0.01)))

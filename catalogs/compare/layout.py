@@ -7,7 +7,9 @@ axis, event_model, event_record, size_bin, trial_cut, angle and eigenvalue carry
 has FACE_FIELDS, too, with face_axis (ahead, across), weight (number, potency), measure, and without coordinates
 event_face_model and event_face_record (events with a place against the face). Places and axes of the model are those
 of all its runs, if it has an ensemble. NaN where a number does not exist (too few events, no tensors,
-no stable completeness), and for intervals and p-values of places and axes if the model ran fewer than three times.
+no stable completeness), and for intervals and p-values of places and axes if the model ran fewer than three times: all
+but those of the centroid, the energy distance and the mechanism's turn, which then take the model's events to be as
+clustered as the record's.
 
 Attributes: mine, record_kind ("recorded" | "twin"), period_model, period_record, settings (JSON, defaults filled in),
 cut_is ("model floor" | "record completeness" | "smallest recorded" | "nothing"), cut_stable (1: b of the record is
@@ -60,12 +62,16 @@ FIELDS = (
     _field("event_ratio", "", "1", "number of events compared, model over record"),
     _field("event_ratio_interval", "interval", "1", "95 % interval of that of those expected; may be open above"),
     _field("event_ratio_p_value", "", "1", "chance of a ratio as far from 1 if both expect as many events"),
+    _field("event_ratio_noticed", "", "1", "ratio of those expected that its test notices in 4 of 5 cases"),
     _field("summed_potency", "catalogue", "m3", "potency of the events compared"),
     _field("summed_potency_all", "catalogue", "m3", "potency of every event"),
     _field("potency_ratio", "", "1", "summed potency, model over record"),
     _field("potency_ratio_all", "", "1", "potency of every event, model over record"),
     _field("potency_ratio_interval", "interval", "1", "95 % interval of that of those expected; may be open above"),
     _field("potency_ratio_p_value", "", "1", "chance of a ratio as far from 1 if both expect as much potency"),
+    _field("potency_ratio_noticed", "", "1", "ratio of those expected that its test notices in 4 of 5 cases"),
+    _field("large_events", "catalogue", "1", "largest events that hold 90 % of the potency, of all runs", np.int64),
+    _field("potency_ratio_without_large", "catalogue", "1", "potency_ratio without these events of this catalogue"),
     # location
     _field("centroid", "catalogue xyz", "m", "mean location of the events compared"),
     _field("centroid_offset", "xyz", "m", "centroid of the model minus that of the record"),
@@ -76,6 +82,7 @@ FIELDS = (
     _field("energy_distance_interval", "interval", "m", "its 95 % interval"),
     _field("energy_distance_null", "interval", "m", "0.025 and 0.975 quantile of what one process gives by chance"),
     _field("energy_p_value", "", "1", "chance of as large an energy distance if both are one process"),
+    _field("shift_noticed", "", "m", "shift of the centroid that the test notices in 4 of 5 cases"),
     _field("nearest_distance", "pair", "m", "median distance from an event to the nearest of the other catalogue"),
     _field("nearest_distance_interval", "pair interval", "m", "its 95 % interval"),
     _field("distance", "distance", "m", "distances of the next six"),
@@ -99,6 +106,7 @@ FIELDS = (
     _field("b_difference_error", "", "1", "its standard error"),
     _field("b_difference_interval", "interval", "1", "its 95 % interval"),
     _field("b_difference_p_value", "", "1", "chance of as large a difference if both follow one law"),
+    _field("b_difference_noticed", "", "1", "difference of b that the test notices in 4 of 5 cases"),
     _field("completeness_curvature", "catalogue", LOG_M3, "lower edge of the fullest bin"),
     _field("power_law_p_value", "catalogue", "1", "chance of so bad a fit if sizes follow a power law (bootstrap)"),
     _field("truncated_law_p_value", "catalogue", "1", "the same of a power law that ends at the largest event"),
@@ -131,6 +139,11 @@ FIELDS = (
     _field("summed_plunge", "catalogue axis_name", DEGREE, "their plunge below the horizontal"),
     _field("summed_angle", "axis_name", DEGREE, "angle between the axes of the two summed tensors"),
     _field("summed_kagan", "", DEGREE, "Kagan angle between the two summed tensors"),
+    _field("mechanism_turn", "", DEGREE, "least turn between the mean mechanisms, each event counted once"),
+    _field("mechanism_turn_interval", "interval", DEGREE, "its 95 % interval; from 0 if they may be one"),
+    _field("mechanism_turn_p_value", "", "1", "chance of as large a turn if the mean mechanisms are one"),
+    _field("mechanism_turn_random_p_value", "", "1", "chance of as small a turn between random mechanisms"),
+    _field("mechanism_turn_noticed", "", DEGREE, "turn that the test notices in 4 of 5 cases"),
     _field("kagan_lower", "angle", DEGREE, "lower edges of the bins of Kagan angles"),
     _field("kagan_share", "kagan_pair angle", "1", "share of the pairs per bin"),
     _field("kagan_median", "kagan_pair", DEGREE, "median Kagan angle of the pairs"),

@@ -2,8 +2,9 @@
 
 Events come in clusters, so a catalogue of n events holds far fewer than n independent places; resampling single
 events would find a difference between any two catalogues of one clustered process. Here whole blocks are resampled:
-clusters of a record (`compare.blocks`), runs of a model. A model that ran once has no blocks, so that chance cannot be
-distinguished from a difference: then there are distances, and no interval and no p-value. Where events lie depends on
+clusters of a record (`compare.blocks`), runs of a model. A model that ran once has no blocks. The offset and the test
+then take its events to be as clustered as the record's, which they are if both are of one process; other distances have
+no interval. Where events lie depends on
 what is mined, in model and mine alike, so offset, energy distance and p-value are computed within steps
 (`compare.energy_distance`): how far steps lie apart drops out. Everything is computed once between blocks and then
 only re-weighted, so a thousand resamplings cost little. Distances in m. BLAS is held to one thread: the same bytes with
@@ -34,6 +35,7 @@ def location_errors(record: xr.Dataset) -> NDArray:
     return np.where(np.isfinite(stated), stated, general if np.isfinite(general) else 0.0)
 
 
+MIN_TEST_DRAWS = 999  # Draws of the test, whose smallest p-value must lie far below its level.
 LENGTH_DRAWS = 9999  # Draws for the quantile of a length.
 # Exponent of distance in the statistic of the p-value. It finds shifts as well as the mean does, and other shapes, too.
 TEST_EXPONENT = 1.5
@@ -65,7 +67,8 @@ def _no_interval() -> NDArray:
 class LocationComparison:
     """The numbers of `compare_locations`; an interval is (..., 2), the lower and upper bound of 95 %.
 
-    blocks: of the model (0 where it ran once), of the record; intervals are NaN unless the model's are MIN_BLOCKS.
+    blocks: of the model (0 where it ran once), of the record. Unless the model's are MIN_BLOCKS, intervals are NaN but
+    those of the offset. shift_noticed: m, of the centroid, that the test notices (`sources.significance`).
     """
 
     centroids: NDArray
@@ -85,6 +88,7 @@ class LocationComparison:
     energy_interval: NDArray = field(default_factory=_no_interval)
     energy_null: NDArray = field(default_factory=_no_interval)
     energy_p_value: float = np.nan
+    shift_noticed: float = np.nan
     cross_k_interval: NDArray = field(default_factory=_no_interval)
     cross_ratio_interval: NDArray = field(default_factory=_no_interval)
     nearest_interval: NDArray = field(default_factory=_no_interval)
@@ -106,8 +110,8 @@ def compare_locations(
     """Model (event, 3) against record (event, 3), m, with block and step of each event (without steps: all of one).
 
     model_blocks: None for a model that ran once: its events count as independent where pairs of one block are left out,
-    and intervals and p-value are NaN. location_error: as in `smear`. None if no step has two blocks in each
-    catalogue, or the record fewer than MIN_BLOCKS in all; with as few blocks of the model intervals are NaN, too.
+    and intervals are NaN but those of the offset. location_error: as in `smear`. None if no step has two blocks in each
+    catalogue, or the record fewer than MIN_BLOCKS in all. A model with as few blocks counts as one that ran once.
     Offset, energy distance and p-value: of such steps, moved onto each other (`energy_distance.Matched`). The others:
     of all events, where they lie. Intervals of the offset: jackknife over blocks (`sources.jackknife`); the others
     weigh blocks at random (Bayesian bootstrap, Rubin 1981), with one weight in all steps.
@@ -135,7 +139,7 @@ def compare_locations(
         for side in sides
     ]
     once = [np.ones((1, side.blocks)) for side in sides]
-    signs = generator.choice([-1.0, 1.0], size=(resamplings, sum(matched.units)))
+    signs = matched.random_signs(max(resamplings, MIN_TEST_DRAWS), not tested, generator)
 
     with threadpool_limits(1, user_api="blas"):
         energy = matched.energy([np.ones((1, count)) for count in matched.blocks])[0]
@@ -167,22 +171,31 @@ def compare_locations(
             blocks=(0 if model_blocks is None else matched.units[0], matched.units[1]),
             steps=matched.steps,
         )
-        if not tested:
-            return found
-        energies = matched.energy([weight[:, own] for weight, own in zip(weights, matched.own, strict=True)])
         null = matched.wild_bootstrap(1.0, signs)[1]
         statistic, chance = matched.wild_bootstrap(TEST_EXPONENT, signs)
-        resampled = np.array(found_resampled).transpose(1, 0, 2)
-        scatter = matched.offset_scatter()
+        scatter = matched.offset_scatter(not tested)
+        # Few blocks do not know their own scatter: as Student's t is wider than a normal distribution.
+        chance = chance * scatter.freedom / generator.chisquare(scatter.freedom, len(chance))
+        energies = resampled = None
+        if tested:
+            energies = matched.energy([weight[:, own] for weight, own in zip(weights, matched.own, strict=True)])
+            resampled = np.array(found_resampled).transpose(1, 0, 2)
     # How far the offset may be off is at least by how much its length is.
-    reach = float(np.quantile(scatter.lengths(max(resamplings, LENGTH_DRAWS), generator), 0.95))
-    return replace(
+    lengths = scatter.lengths(max(resamplings, LENGTH_DRAWS), generator)
+    reach = float(np.quantile(lengths, 0.95))
+    found = replace(
         found,
         offset_interval=scatter.interval(offset),
         offset_distance_interval=np.array([max(0.0, found.offset_distance - reach), found.offset_distance + reach]),
-        energy_interval=_interval(energies),
         energy_null=_interval(null - null.mean()),
-        energy_p_value=float((1 + np.sum(chance >= statistic)) / (resamplings + 1)),
+        energy_p_value=float((1 + np.sum(chance >= statistic)) / (len(signs) + 1)),
+        shift_noticed=scatter.noticed(lengths),
+    )
+    if energies is None or resampled is None:
+        return found
+    return replace(
+        found,
+        energy_interval=_interval(energies),
         cross_k_interval=_interval(resampled[0]) * volume,
         cross_ratio_interval=_interval(_ratio(*resampled)),
         nearest_interval=nearest_interval,

@@ -17,6 +17,7 @@ from catalogs.compare.blocks import MIN_BLOCKS, cluster_labels
 from catalogs.compare.locations import LocationComparison, compare_locations, location_errors
 from catalogs.settings import ComparisonSettings
 from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.mean_mechanism import mechanism_turn
 from catalogs.sources.mechanisms import (
     AXIS_NAMES,
     GIRDLE,
@@ -75,6 +76,7 @@ def location_measures(both, used, blocks, runs: int, steps, settings: Comparison
         "energy_distance_interval": ("energy_interval", ("interval",), (2,)),
         "energy_distance_null": ("energy_null", ("interval",), (2,)),
         "energy_p_value": ("energy_p_value", (), ()),
+        "shift_noticed": ("shift_noticed", (), ()),
         "nearest_distance": ("nearest", ("pair",), (3,)),
         "nearest_distance_interval": ("nearest_interval", ("pair", "interval"), (3, 2)),
         "distance": ("distance", ("distance",), (DISTANCE_COUNT,)),
@@ -115,9 +117,10 @@ def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str
     basis += f"{plural(found.steps, 'step')}"
     if found.blocks[0] < MIN_BLOCKS:
         untested = _untested(runs, found.blocks[0], "places", "events above the cut in a step shared with the record")
+        near, far = found.offset_distance_interval
         return (
-            f"the energy distance is {found.energy_distance:.1f} m, and the centroids are "
-            f"{found.offset_distance:.0f} m apart. {basis}. {untested}"
+            f"the energy distance is {found.energy_distance:.1f} m, p = {found.energy_p_value:.3f}. The centroids are "
+            f"{found.offset_distance:.0f} m apart ({near:.0f} to {far:.0f}). {basis}. {untested}"
         )
     (low, high), (near, far) = found.energy_interval, found.offset_distance_interval
     return (
@@ -138,8 +141,9 @@ def plural(count: int, name: str) -> str:
 
 
 def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
-    """Reason in a sentence, without its full stop, why there is no interval and no p-value: the model has too few runs,
-    or too few of them (`counting`) have events that count. what: the measure; lacking: what the other runs lack."""
+    """Sentences, without the last full stop, on what is tested nevertheless, and why the others have no interval: the
+    model has too few runs, or too few of them (`counting`) have events that count. what: "places" or "axes"; lacking:
+    what the other runs lack."""
     if runs < MIN_BLOCKS:
         why = (
             f"the model ran {'once' if runs == 1 else f'{runs} times'}, and {MIN_BLOCKS} runs are needed to "
@@ -151,7 +155,11 @@ def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
             f"of the model's {runs} runs {have} {lacking}, and {MIN_BLOCKS} are needed to distinguish chance from a "
             "difference"
         )
-    return f"There is no interval and no p-value of {what}: {why}"
+    tested = {"places": "The offset and the p-value take", "axes": "The turn of the mean mechanism takes"}[what]
+    return (
+        f"{tested} the model's events to be as clustered as recorded ones. Other measures of {what} have no interval "
+        f"and no p-value: {why}"
+    )
 
 
 def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
@@ -211,6 +219,7 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
         found = compare_axes(
             samples[0], samples[1], seed=settings.seed, resamplings=min(settings.resamplings, MAX_AXES_RESAMPLINGS)
         )
+        found |= mechanism_turn(samples[0], samples[1], np.random.default_rng([settings.seed, 5]))
         found |= _summed(tensors[0][known[0]], record_tensors, weight, runs)
         variables |= {name: (dims[name], value) for name, value in found.items()}
         size = [
@@ -330,6 +339,11 @@ def _absent_axes() -> dict:
         "summed_plunge": "catalogue axis_name",
         "summed_angle": "axis_name",
         "summed_kagan": "",
+        "mechanism_turn": "",
+        "mechanism_turn_interval": "interval",
+        "mechanism_turn_p_value": "",
+        "mechanism_turn_random_p_value": "",
+        "mechanism_turn_noticed": "",
         "kagan_lower": "angle",
         "kagan_share": "kagan_pair angle",
         "kagan_median": "kagan_pair",

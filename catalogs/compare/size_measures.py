@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from catalogs.compare.layout import CATALOGUES
 from catalogs.settings import ComparisonSettings
 from catalogs.sources import completeness, sizes
+from catalogs.sources.significance import POWER_DEVIATIONS, TEST_LEVEL
 from catalogs.sources.size_law import FEW, NONE, POWER, TRUNCATED, Law, find_law
 
 LAW_RESAMPLINGS, LAW_SEED = 999, 1  # the verdict on the law depends on the sizes only, not on the comparison's seed
@@ -107,6 +109,7 @@ def size_measures(
         "b_difference_error": ((), difference.error),
         "b_difference_interval": ("interval", [difference.lower, difference.upper]),
         "b_difference_p_value": ((), difference.p_value),
+        "b_difference_noticed": ((), _noticed(fits)),
         "cut_log_potency": ("trial_cut", grid),
         "size_bin_lower": ("size_bin", edges),
         "incremental": (("catalogue", "size_bin"), np.array([one for one, _ in counted], np.int64)),
@@ -127,6 +130,17 @@ def _by_cut(x: NDArray, grid: NDArray, bin_width: float) -> list[sizes.BValue]:
     """b above each cut; of rounded sizes above the next bin's edge."""
     cuts = [completeness.next_edge(x, cut, bin_width) + 0.5 * bin_width for cut in grid]
     return sizes.b_by_cut(x, np.array(cuts), bin_width)
+
+
+def _noticed(fits: list[Fit]) -> float:
+    """Amount by which b must exceed the record's for the test of their difference to notice (`sources.significance`);
+    NaN if one has no b. Errors are shares of b, so that the limit is one of the ratio."""
+    if any(one.quoted is None for one in fits):
+        return np.nan
+    ends = any(one.law.name == TRUNCATED for one in fits)
+    values = [one.bounded if ends else one.plain for one in fits]
+    error = np.hypot(*(one.error / one.b for one in values))
+    return float(abs(values[1].b) * np.expm1((norm.isf(0.5 * TEST_LEVEL) + POWER_DEVIATIONS) * error))
 
 
 def _difference(fits: list[Fit]) -> sizes.BDifference:

@@ -15,7 +15,7 @@ import numpy as np
 from catalogs.report import first_page, sections
 from catalogs.report.evidence import read_evidence
 from catalogs.report.gallery import draw_sections
-from catalogs.report.text import fixed, number, percent, typeset, whole
+from catalogs.report.text import between, fixed, hundredths, number, percent, typeset, whole
 from catalogs.settings import ReportSlice
 from common.datasets import atomic_path
 from common.pages import page_templates
@@ -77,6 +77,7 @@ def _environment(output) -> jinja2.Environment:
         "percent": percent,
         "whole": whole,
         "fixed": fixed,
+        "between_hundredths": partial(between, form=hundredths),
         "typeset": typeset,
         "short": partial(_short, Path(output).resolve().parent),
     }

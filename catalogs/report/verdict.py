@@ -1,7 +1,10 @@
 """Result of the model and its agreement with the record, in sentences for the first page."""
 
+from functools import partial
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import scipy
+from numpy.typing import NDArray
 
 from catalogs.compare.blocks import MIN_BLOCKS
 from catalogs.compare.size_measures import fit
@@ -9,16 +12,37 @@ from catalogs.compare.spread import SPREAD_BIN_WIDTH
 from catalogs.report.by_opening import where
 from catalogs.report.evidence import Evidence
 from catalogs.report.sections.steps import cut_of, headline, shear_modulus
-from catalogs.report.text import between, fixed, magnitude, number, percent
+from catalogs.report.text import (
+    MIN_RATIO_AS_DECIMAL,
+    as_ratio,
+    beside,
+    between,
+    fixed,
+    magnitude,
+    number,
+    percent,
+    whole,
+)
 from catalogs.settings import ComparisonSettings
 from catalogs.sources.jackknife import INTERVAL_95
-from catalogs.sources.size_law import POWER
+from catalogs.sources.significance import QUESTIONS, SIGNIFICANCE, TEST_LEVEL
+from catalogs.sources.size_law import POWER, TRUNCATED
 from catalogs.sources.sizes import log_potency
+from catalogs.sources.truncated_law import largest_interval
 
-SIGNIFICANCE = 0.05  # A difference with a smaller p-value is more than chance explains.
-MIN_RATIO_AS_DECIMAL = 0.2  # Smaller ratios are written as 1/n.
+MORE_THAN_CHANCE = "more than chance explains"  # Of the model's differences; no other sentence has these words.
 MIN_SHARE_COMPARED = 0.5  # Of the recorded potency; where less is compared, all of it is named, too.
-FAR = 3.0  # A factor by which potency is far off.
+MAX_FEW = 5  # Events that potency is said to rest on.
+MAX_NOTICED = 1000.0  # A difference that is only noticed if it is larger is not noticed.
+BLIND = {  # differences that no test would have noticed
+    "event_ratio": "number",
+    "potency_ratio": "potency",
+    "b_difference": "b",
+    "shift": "places",
+    "mechanism_turn": "direction",
+}
+RANDOM_TURN, RARE_TURN = 75, 35  # degrees: mean and 0.05 quantile of the angle between random mechanisms (Kagan 1991)
+SEED = 1
 
 
 def verdict(evidence: Evidence) -> list[str]:
@@ -35,19 +59,14 @@ def verdict(evidence: Evidence) -> list[str]:
         return [_one_sided(evidence, *counts), *where(evidence), *_largest(evidence), _cannot(evidence)]
     return [
         *_potency(evidence),
+        *_sizes(evidence),
         *_places(evidence),
         *_against_face(evidence),
         *_directions(evidence),
+        *_noticed(evidence),
         *_largest(evidence),
         _cannot(evidence),
     ]
-
-
-def as_ratio(value: float) -> str:
-    """A ratio as a reader says it: 1.2, 0.43, 1/29."""
-    if 0 < value < MIN_RATIO_AS_DECIMAL:
-        return f"1/{number(1 / value, 2)}"
-    return number(value, 2)
 
 
 def size_of_cut(evidence: Evidence) -> str:
@@ -80,18 +99,56 @@ def _one_sided(evidence: Evidence, modelled: int, recorded: int) -> str:
 
 
 def _by_chance(p_value: float) -> str:
+    """Words for the only test of a page."""
     return "more than chance explains" if p_value < SIGNIFICANCE else "no more than chance explains"
 
 
+def _judged(p_value: float) -> str:
+    """Words for one of the tests of a page, whose level is TEST_LEVEL: the page as a whole then calls a right model
+    wrong with the chance SIGNIFICANCE at most."""
+    if p_value <= TEST_LEVEL:
+        return MORE_THAN_CHANCE
+    if p_value <= SIGNIFICANCE:
+        return f"hardly more than chance explains (p = {number(p_value, 2)})"
+    return "no more than chance explains"
+
+
+def differs(evidence: Evidence, name: str) -> bool:
+    """True if a test of the page says that the model differs from the record by more than chance.
+
+    name: of the p-value, without its ending: "potency_ratio", "event_ratio", "b_difference", "energy",
+    "mechanism_turn".
+    """
+    return bool(float(evidence.comparison[f"{name}_p_value"]) <= TEST_LEVEL)
+
+
 def _potency(evidence: Evidence) -> list[str]:
-    """Ratios of potency and number with their intervals, and whether chance can make the differences."""
+    """Ratios of potency and number with their intervals, the few events that potency rests on, and the tests."""
     runs = int(evidence.comparison["model_runs"])
     who = f"The mean of {runs} runs of the model" if runs > 1 else "The model"
     potency, events = _ratio(evidence, "potency_ratio", "potency"), _ratio(evidence, "event_ratio", "number of events")
     small = _small_events(evidence)
     if small:
         who = f"Of events of {size_of_cut(evidence)} and more, {who[0].lower()}{who[1:]}"
-    return [f"{who} releases {potency}, in {events}. {_judged(evidence)}", *small]
+    chances = [_judged(float(evidence.comparison[f"{name}_p_value"])) for name in ("potency_ratio", "event_ratio")]
+    tested = f"The difference in potency is {chances[0]}, and that in number is {chances[1]}."
+    if chances[0] == chances[1]:
+        tested = f"Both differences are {chances[0]}."
+    return [f"{who} releases {potency}, in {events}. {_few_large(evidence)}{tested}", *small]
+
+
+def _few_large(evidence: Evidence) -> str:
+    """Sentence on the few events that hold most potency, and the ratio without them; empty where they are many."""
+    comparison = evidence.comparison
+    ratio = float(comparison["potency_ratio"])
+    of = "record" if ratio <= 1.0 else "model"
+    here = comparison.sel(catalogue=of)
+    count, without = int(here["large_events"]), float(here["potency_ratio_without_large"])
+    if not 0 < count <= MAX_FEW or not 0.0 < without < np.inf:
+        return ""
+    whose = "recorded" if of == "record" else "modelled"
+    events, them = (f"{whole(count)} events hold", "them") if count > 1 else ("One event holds", "it")
+    return f"{events} 90 % of the {whose} potency; without {them} the ratio is {as_ratio(without)}. "
 
 
 def _small_events(evidence: Evidence) -> list[str]:
@@ -100,58 +157,47 @@ def _small_events(evidence: Evidence) -> list[str]:
     ratio = float(evidence.comparison["potency_ratio_all"])
     if not whole > 0.0 or above >= MIN_SHARE_COMPARED * whole or not np.isfinite(ratio):
         return []
-    of = "of" if 0 < ratio < MIN_RATIO_AS_DECIMAL else "times"
     return [
         f"Smaller events hold {percent(1.0 - above / whole)} of the recorded potency. Of all sizes the model releases "
-        f"{as_ratio(ratio)} {of} the recorded potency."
+        f"{_multiple(ratio)} the recorded potency."
     ]
 
 
 def _ratio(evidence: Evidence, name: str, of: str) -> str:
     """A ratio of what is modelled to what is recorded of a quantity, with its interval."""
     ratio, interval = float(evidence.comparison[name]), evidence.comparison[f"{name}_interval"].values
-    text = f"{as_ratio(ratio)} {'of' if 0 < ratio < MIN_RATIO_AS_DECIMAL else 'times'} the recorded {of}"
-    return text + (f" (95 %: {between(interval, as_ratio)})" if np.isfinite(interval).any() else "")
+    text = f"{_multiple(ratio)} the recorded {of}"
+    return text + (f" (95 %: {beside(1.0, interval, as_ratio)[1]})" if np.isfinite(interval).any() else "")
 
 
-def _judged(evidence: Evidence) -> str:
-    """Sentence that tells whether chance explains the differences in potency and in the number of events.
-
-    Needs a comparison in which both catalogues have events.
-    """
-    potency, number_of_events = (differs(evidence, name) for name in ("potency_ratio", "event_ratio"))
-    if potency:
-        ratio = float(evidence.comparison["potency_ratio"])
-        far = "far too" if max(ratio, 1 / ratio) >= FAR else "too"
-        return f"That is {far} {'little' if ratio < 1 else 'much'} potency, more than chance explains."
-    if number_of_events:
-        return "Chance can explain the difference in potency, but not that in number."
-    return "Chance can explain both differences."
-
-
-def differs(evidence: Evidence, name: str) -> bool:
-    """True if the 95 % interval of a ratio of the model to the record is known and excludes 1.
-
-    name: "potency_ratio" or "event_ratio".
-    """
-    low, high = evidence.comparison[f"{name}_interval"].values
-    return bool(np.isfinite(low) and not low <= 1 <= high)
+def _sizes(evidence: Evidence) -> list[str]:
+    """Sentence on b of both catalogues; an empty list where their difference is not known."""
+    comparison = evidence.comparison
+    chance = float(comparison["b_difference_p_value"])
+    if not np.isfinite(chance):
+        return []
+    ends = TRUNCATED in (comparison.attrs["law_model"], comparison.attrs["law_record"])
+    model, record = comparison["b_truncated" if ends else "b"].values
+    more = "fewer" if model > record else "more"
+    return [
+        f"Of its events {more} are large than of recorded ones (b of potency {fixed(model, 2)}, recorded "
+        f"{fixed(record, 2)}), which is {_judged(chance)}."
+    ]
 
 
 def _against_face(evidence: Evidence) -> list[str]:
-    """Sentence on the median distances of modelled and recorded events ahead of the face; an empty list without a face
-    or without events there."""
+    """Sentence on the median distances of modelled and recorded events ahead of the face, with intervals; an empty list
+    without a face or without events there. It has no verdict: the test of places stands for it."""
     comparison = evidence.comparison
     if "face_measure" not in comparison or not comparison["face_events"].values.all():
         return []
     pick = {"weight": "number", "measure": "median ahead"}
-    model, record = comparison["face_measure"].sel(pick).values
-    low, high = comparison["face_measure_interval"].sel(pick).values[1]
-    text = f"The middle of its events is {_from_face(model)}, that of recorded events {_from_face(record)}"
-    if not np.isfinite([low, high]).all():
-        return [f"{text}."]
-    same = "no difference that the record shows" if low <= model <= high else "a difference that the record shows"
-    return [f"{text} (95 %: {_from_face(low)} to {_from_face(high)}), {same}."]
+    ends = comparison["face_measure_interval"].sel(pick).values
+    places = []
+    for value, (low, high) in zip(comparison["face_measure"].sel(pick).values, ends, strict=True):
+        known = f" (95 %: {_from_face(low)} to {_from_face(high)})" if np.isfinite([low, high]).all() else ""
+        places.append(f"{_from_face(value)}{known}")
+    return [f"The middle of its events is {places[0]}, that of recorded events {places[1]}."]
 
 
 def _from_face(ahead: float) -> str:
@@ -160,52 +206,91 @@ def _from_face(ahead: float) -> str:
 
 
 def _places(evidence: Evidence) -> list[str]:
-    """Sentences on the distance between modelled and recorded events, compared with the location error and the spacing
-    of the record; an empty list where places are not compared."""
+    """Sentence on the distance between the middles of modelled and recorded events, and on the test of their places; an
+    empty list where places are not compared."""
     comparison = evidence.comparison
-    if not np.isfinite(comparison["energy_distance"]):
-        return []
-    to_record, to_model, within = (float(value) for value in comparison["nearest_distance"].values)
-    apart, error = max(to_record, to_model), float(comparison.attrs["location_error"])
-    text = f"It places events {number(apart, 2)} m from where they were recorded (median distance to the nearest), "
-    if apart <= error:
-        text += f"which is within the {number(error, 2)} m to which recorded places are known."
-    elif apart <= within:
-        text += f"no farther than recorded events are from each other ({number(within, 2)} m)."
-    else:
-        known = f"are known to {number(error, 2)} m" if error > 0 else "have no stated error"
-        text += f"while recorded places {known}: it misses the places."
     chance = float(comparison["energy_p_value"])
-    if np.isfinite(chance):
-        text += f" The two clouds of events differ by {_by_chance(chance)}."
-    return [text]
+    if not np.isfinite(chance):
+        return []
+    apart, interval = float(comparison["centroid_distance"]), comparison["centroid_distance_interval"].values
+    return [
+        f"Step by step, the middle of its events is {number(apart, 2)} m from that of recorded ones (95 %: "
+        f"{between(interval, partial(number, digits=2))} m). Their places differ by {_judged(chance)}."
+    ]
 
 
 def _directions(evidence: Evidence) -> list[str]:
-    """Angles between mechanisms of neighbours, against those of random orientations."""
+    """Sentence on the turn between the mean mechanisms, on what chance gives, and on the tests of both; an empty list
+    where mechanisms are not compared."""
     comparison = evidence.comparison
-    if not int(comparison.attrs.get("axes_present", 0)):
+    turn = float(comparison["mechanism_turn"])
+    if not int(comparison.attrs.get("axes_present", 0)) or not np.isfinite(turn):
         return []
-    angle, random = (float(comparison["kagan_median"].sel(kagan_pair=pair)) for pair in ("nearest", "uniform"))
-    high = float(comparison["kagan_median_interval"].sel(kagan_pair="nearest").values[1])
-    if not np.isfinite([angle, random]).all():
+    interval = between(comparison["mechanism_turn_interval"].values, partial(fixed, decimals=0))
+    text = (
+        f"On average its rock slips in a direction {fixed(turn, 0)}° off the recorded one (95 %: {interval}°; a random "
+        f"direction is off by {RANDOM_TURN}° on average, and in one of 20 cases by {RARE_TURN}° or less)"
+    )
+    chance, at_random = (float(comparison[f"mechanism_turn{of}_p_value"]) for of in ("", "_random"))
+    closer = at_random <= SIGNIFICANCE
+    if chance <= SIGNIFICANCE:
+        text += f", which is {_judged(chance)}"
+        return [f"{text}, {'though' if closer else 'and no'} closer than random directions come."]
+    if closer:
+        return [f"{text}: the same direction, as far as chance tells, and closer than random ones come."]
+    return [f"{text}: so few events tell neither a different direction nor one closer than random ones come."]
+
+
+def _noticed(evidence: Evidence) -> list[str]:
+    """Sentences on the differences that the page's tests would have noticed, and on their level; an empty list without
+    any test."""
+    comparison = evidence.comparison
+    forms = {
+        "event_ratio": ("{} the number of events", _multiple),
+        "potency_ratio": ("{} the potency", _multiple),
+        "b_difference": ("{} more in b", partial(number, digits=2)),
+        "shift": ("a shift of {} m", partial(number, digits=2)),
+        "mechanism_turn": ("a turn of {}°", partial(fixed, decimals=0)),
+    }
+    values = {name: float(comparison[f"{name}_noticed"]) for name in forms}
+    seen = {name: 1.0 / MAX_NOTICED < value < MAX_NOTICED for name, value in values.items() if not np.isnan(value)}
+    noticed = [words.format(form(values[name])) for name, (words, form) in forms.items() if seen.get(name)]
+    blind = [BLIND[name] for name in seen if not seen[name]]
+    text = []
+    if noticed:
+        text.append(f"In 4 of 5 cases the tests would have noticed {_listed(noticed, 'or')}")
+    if blind:
+        events = "So few events would have shown" if not noticed else "but"
+        text.append(f"{events} no difference in {_listed(blind, 'or')}")
+    if not text:
         return []
-    text = f"The direction in which rock slips differs by {number(angle, 2)}° from that of the nearest recorded event "
-    text += f"(median; {number(random, 2)}° at random)"
-    if not np.isfinite(high):
-        return [f"{text}."]
-    return [f"{text}, which is {'better' if high < random else 'no better'} than chance."]
+    few_runs = ""
+    if not np.isfinite(comparison["energy_distance_interval"]).all():
+        few_runs = " Too few runs show the model's chance: its events are taken to be as clustered as recorded ones."
+    return [
+        f"{', '.join(text)}. Each of the {QUESTIONS} tests has p = {TEST_LEVEL:g} as its limit, so that at most one "
+        f"right model in {round(1 / SIGNIFICANCE)} fails any.{few_runs}"
+    ]
+
+
+def _multiple(ratio: float) -> str:
+    """A ratio before what it multiplies."""
+    return f"{as_ratio(ratio)} {'of' if 0 < ratio < MIN_RATIO_AS_DECIMAL else 'times'}"
+
+
+def _listed(words: list[str], last: str) -> str:
+    """Words in a row: a, b or c."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
 
 
 def _largest(evidence: Evidence) -> list[str]:
-    """Sentence on the range of Mw within which chance alone moves the largest modelled event; an empty list where that
-    is not known."""
-    expected = expected_range(evidence)
-    if expected is None:
+    """Sentence on the interval of Mw of the largest event of another run; an empty list where that is not known."""
+    bounds = expected_range(evidence)
+    if bounds is None:
         return []
-    bounds, source = expected
-    low, high = (magnitude(10.0**bound, shear_modulus(evidence)) for bound in bounds)
-    return [f"{source} Mw {between((low, high), lambda value: fixed(value, 1))}."]
+    ends = [magnitude(10.0**bound, shear_modulus(evidence)) for bound in bounds]
+    interval = between(ends, partial(fixed, decimals=1))
+    return [f"By chance alone, the largest event of another run would have Mw {interval} (95 %)."]
 
 
 def _cannot(evidence: Evidence) -> str:
@@ -216,63 +301,57 @@ def _cannot(evidence: Evidence) -> str:
         found.append(f"how many events below {size_of_cut(evidence)} there are")
     if comparison is not None and comparison["events_above_cut"].values.all():
         oriented = bool(int(comparison.attrs.get("axes_present", 0)))
+        if not np.isfinite(comparison["b_difference_p_value"]):
+            found.append("whether the share of large events is the recorded one")
         if not np.isfinite(comparison["energy_p_value"]):
-            found.append(f"whether places{' and directions' if oriented else ''} agree by more than chance")
+            found.append("whether places agree")
+        if oriented and not np.isfinite(comparison["mechanism_turn"]):
+            found.append("whether directions agree")
         if not oriented:
             none = not np.isfinite(evidence.record["p_axis"].values).any()
             found.append("in which direction rock moved" + (" (the record has no mechanisms)" if none else ""))
-    return f"It cannot say {', '.join(found[:-1])}{' or ' if len(found) > 1 else ''}{found[-1]}."
+    return f"It cannot say {_listed(found, 'or')}."
 
 
-def largest_of(events: int, b: float, cut: float, share: ArrayLike, end: float = np.inf) -> NDArray:
-    """log10 potency below which the largest of so many independent events of a power law lies with these chances.
+def expected_range(evidence: Evidence) -> NDArray | None:
+    """log10 potency (lower, upper), 95 %, of the largest event of another run; None where it is not known.
 
-    N(>= P) falls as P^-b from the cut to the end of the law (log10 m3), so that an event is below x with
-    F(x) = (1 - 10^(-b (x - cut))) / (1 - 10^(-b (end - cut))), and the largest with F(x)^events.
-    """
-    beyond = 10.0 ** (-b * (end - cut))
-    above = -np.expm1(np.log(np.asarray(share, float)) / events)  # 1 - F
-    return cut - np.log10(above * (1.0 - beyond) + beyond) / b
-
-
-def expected_range(evidence: Evidence) -> tuple[NDArray, str] | None:
-    """log10 potency (lower, upper) between which the largest modelled event may lie by chance, and words for it.
-
-    Of an ensemble the range of its runs; of one run the 95 % interval of the law of sizes, if they follow a power law:
-    nothing says where it ends, but no event is larger than all that the model releases. None where neither is known.
+    Of an ensemble Student's t of the largest of its runs, which says nothing of the law of sizes and holds where runs
+    share events, too. Of one run that of the law of sizes, `sources.truncated_law.largest_interval`.
     """
     runs = evidence.spread
     if runs is not None and int(runs.attrs["members"]) >= MIN_BLOCKS and runs.sizes["size_bin"]:
         filled = runs["cumulative"].values > 0
-        middle = runs["size_bin_lower"].values + SPREAD_BIN_WIDTH / 2
-        largest = np.where(filled, middle, -np.inf).max(axis=1)
-        if np.isfinite(largest).all():
-            return np.array(
-                [largest.min(), largest.max()]
-            ), f"In {len(largest)} equally valid runs the largest event has"
+        if filled.any(axis=1).all():
+            middle = runs["size_bin_lower"].values + SPREAD_BIN_WIDTH / 2
+            return another_run(np.where(filled, middle, -np.inf).max(axis=1), SPREAD_BIN_WIDTH / 2)
     law = _law(evidence)
     if law is None:
         return None
-    events, b, cut = law
-    end = float(np.log10(evidence.catalog["potency"].values.sum()))
-    if not end > cut:
-        return None
-    return largest_of(events, b, cut, INTERVAL_95, end), (
-        "If no event is larger than all potency that the model releases, chance alone (95 %) puts the largest event at"
-    )
+    x, cut, name, dispersion_index = law
+    return largest_interval(x, cut, name, dispersion_index, np.random.default_rng(SEED))
 
 
-def _law(evidence: Evidence) -> tuple[int, float, float] | None:
-    """Number of modelled events above the cut, b and the cut (log10 m3) of a power law; None where they follow none."""
-    comparison = evidence.comparison
+def another_run(values: NDArray, rounding: float = 0.0) -> NDArray:
+    """95 % interval (2,) of one more value, by Student's t, of values (run,) known to within this rounding."""
+    count = len(values)
+    half = scipy.stats.t.ppf(INTERVAL_95[1], count - 1) * values.std(ddof=1) * np.sqrt(1.0 + 1.0 / count) + rounding
+    return values.mean() + half * np.array([-1.0, 1.0])
+
+
+def _law(evidence: Evidence) -> tuple[NDArray, float, str, float] | None:
+    """Modelled sizes (event,) from the cut on and the cut, log10 m3, the law that they follow, and the dispersion index
+    of their number; None where they follow none."""
+    comparison, sizes = evidence.comparison, log_potency(evidence.resolved["potency"].values)
     if comparison is not None:
-        if comparison.attrs["law_model"] != POWER:
+        used = comparison["model_used"].values[evidence.catalog["resolved"].values == 1] == 1
+        x, cut, name = sizes[used], float(comparison["cut"]), comparison.attrs["law_model"]
+        dispersion_index = float(comparison["dispersion_index"])
+    else:
+        floor = float(evidence.catalog.attrs["potency_floor"])
+        if not floor > 0:
             return None
-        here = comparison.sel(catalogue="model")
-        return int(here["events_above_cut"]), float(here["b"]), float(comparison["cut"])
-    floor = float(evidence.catalog.attrs["potency_floor"])
-    if not floor > 0:
-        return None
-    sizes, cut = log_potency(evidence.resolved["potency"].values), float(np.log10(floor))
-    found = fit(sizes[np.isfinite(sizes)], cut, 0.0, False, ComparisonSettings())
-    return None if found.law.name != POWER else (found.plain.events, found.plain.b, cut)
+        cut, dispersion_index = float(np.log10(floor)), 1.0
+        x = sizes[np.isfinite(sizes) & (sizes >= cut)]
+        name = fit(x, cut, 0.0, False, ComparisonSettings()).law.name
+    return (x, cut, name, dispersion_index) if name in (POWER, TRUNCATED) else None

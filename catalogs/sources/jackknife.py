@@ -11,6 +11,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from catalogs.sources.significance import POWER, POWER_DEVIATIONS, TEST_LEVEL
+
 INTERVAL_95 = (0.025, 0.975)  # quantiles of a 95 % interval
 
 
@@ -32,6 +34,21 @@ class Scatter:
         own, others = np.trace(self.covariance), np.trace(other.covariance)
         both = own**2 / self.freedom + others**2 / other.freedom
         return Scatter(self.covariance + other.covariance, (own + others) ** 2 / both if both > 0 else self.freedom)
+
+    def times(self, factor: float) -> "Scatter":
+        """Scatter with a variance that is larger by a factor and known as well."""
+        return Scatter(factor * self.covariance, self.freedom)
+
+    def noticed(self, lengths: NDArray) -> float:
+        """Length of a true difference that a test at TEST_LEVEL notices with the chance POWER, wherever it points.
+
+        lengths (draw,): errors of the estimate, `lengths`, of which the test takes its limit. The limit varies with the
+        scatter found, as chi-square does, and so does this scatter itself: its median stands for the true one.
+        """
+        spread = scipy.stats.chi2.ppf([0.5, POWER], self.freedom) / self.freedom
+        error = np.sqrt(max(np.linalg.eigvalsh(self.covariance)[-1], 0.0))
+        limit = np.quantile(lengths, 1.0 - TEST_LEVEL)
+        return float((limit * np.sqrt(spread[1]) + POWER_DEVIATIONS * error) / np.sqrt(spread[0]))
 
     def interval(self, estimate: NDArray, share: float = 0.95) -> NDArray:
         """Interval (3, 2) of each component."""

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.sources.size_law import POWER
 from catalogs.sources.sizes import LN10
 
 B_RANGE = (0.05, 3.0)  # of log potency; b of magnitude is 1.5 times as large
@@ -89,3 +91,28 @@ def draw_law(
     apart = generator.uniform(-0.5, 0.5, size=(2, draws))  # spread over the cells of the grid
     drawn = np.clip(rate[row] + apart[0] * step * LN10, rate[0], rate[-1])
     return TruncatedLaw(cut, drawn, cut + np.clip(end[column] + apart[1] * length, end[0], end[-1]))
+
+
+DRAWS = 4000  # of `largest_interval`
+ROOM = 1.0  # log10 m3 above the largest event seen, within which the law of `largest_interval` may end.
+
+
+def largest_interval(
+    x: NDArray, cut: float, law: str, dispersion_index: float, generator: np.random.Generator
+) -> NDArray:
+    """95 % interval (2,), log10 m3, of the largest event of another catalogue like this one.
+
+    x (event,): sizes from the cut on, log10 m3; law: POWER or TRUNCATED of `size_law`, which they follow;
+    dispersion_index: variance of their number over its mean. Slope, number and upper end are uncertain. Few sizes do
+    not tell a law that ends from one that does not: where the latter stands, the interval is the hull of both.
+    """
+    expected = dispersion_index * generator.standard_gamma(len(x) / dispersion_index + 0.5, DRAWS)
+    if dispersion_index > 1.0:
+        expected = (dispersion_index - 1.0) * generator.standard_gamma(expected / (dispersion_index - 1.0))
+    number = generator.poisson(expected)
+    laws = [draw_law(x, cut, float(x.max()) + ROOM, DRAWS, generator)]
+    if law == POWER:
+        rate = generator.standard_gamma(len(x), DRAWS) / float(np.sum(x - cut))
+        laws.append(TruncatedLaw(cut, rate, np.full(DRAWS, np.inf)))
+    ends = [np.quantile(one.sizes(number, generator)[1], INTERVAL_95) for one in laws]
+    return np.array([min(low for low, _ in ends), max(high for _, high in ends)])

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from catalogs.compare.locations import compare_locations, smear
+from catalogs.sources.significance import TEST_LEVEL
 from verification.answers.statistics.samples import clustered_locations
 
 QUICK = {"resamplings": 199, "distances": np.array([20.0, 40.0])}
@@ -133,16 +134,36 @@ def test_a_record_of_fewer_than_three_blocks_says_nothing():
 
 
 @pytest.mark.parametrize("blocks", [None, np.arange(10) % 2])
-def test_a_model_of_fewer_than_three_runs_has_no_interval_and_no_p_value(blocks):
-    """The numbers stand. With a run more they have both."""
+def test_a_model_of_fewer_than_three_runs_is_tested_as_if_clustered_as_the_record(blocks):
+    """Offset and p-value are known, other intervals with a run more."""
     x = np.random.default_rng(6).normal(size=(10, 3))
     found = compare_locations(x, x, blocks, np.arange(10), **QUICK)
     assert np.isfinite([found.energy_distance, found.offset_distance]).all()
-    assert np.isnan(found.energy_p_value)
-    assert np.isnan(found.offset_interval).all()
+    assert np.isfinite([found.energy_p_value, *found.offset_distance_interval]).all()
+    assert np.isnan([*found.energy_interval, *np.ravel(found.nearest_interval)]).all()
     assert found.blocks == (0 if blocks is None else 2, 10)
     again = compare_locations(x, x, np.arange(10) % 3, np.arange(10), **QUICK)
-    assert np.isfinite([again.energy_p_value, *again.offset_distance_interval]).all()
+    assert np.isfinite([again.energy_p_value, *again.offset_distance_interval, *again.energy_interval]).all()
+
+
+@pytest.mark.parametrize(("count", "each"), [(60, 1), (12, 5)])
+def test_a_model_that_ran_once_is_told_apart_as_seldom_as_chance_allows(count, each):
+    """Forty pairs of one process, of independent events and of clusters of five. Shifted by what is said to be noticed,
+    most are told apart."""
+    generator = np.random.default_rng(3)
+
+    def draw(shift=0.0):
+        centre = 30.0 * generator.normal(size=(count, 3))
+        return np.repeat(centre, each, axis=0) + 5.0 * generator.normal(size=(count * each, 3)) + [shift, 0.0, 0.0]
+
+    blocks, same, shifted = np.repeat(np.arange(count), each), [], []
+    for index in range(40):
+        found = compare_locations(draw(), draw(), None, blocks, **QUICK | {"seed": index})
+        same.append(found.energy_p_value <= TEST_LEVEL)
+        found = compare_locations(draw(found.shift_noticed), draw(), None, blocks, **QUICK | {"seed": index})
+        shifted.append(found.energy_p_value <= TEST_LEVEL)
+    assert np.mean(same) <= 0.075
+    assert np.mean(shifted) > 0.6
 
 
 @pytest.mark.parametrize("runs", [None, 3])

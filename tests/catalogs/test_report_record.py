@@ -66,7 +66,7 @@ def test_result_counts_the_record_inside_and_outside_the_domain(mine, tmp_path):
         (slice(0, 7), True, ("b is not compared: 10 events are needed in each catalogue, and the record has ",)),
         (slice(0, 1), True, ("Locations cannot be compared: the comparison needs two modelled events",)),
         (slice(0, 40), False, ("The record has no tensors: axes cannot be compared.",)),
-        (slice(0, 40), True, ("Differences of places and axes have no interval and no p-value: fewer than 3 runs",)),
+        (slice(0, 40), True, ("Most measures of places and axes have no interval and no p-value: fewer than 3 runs",)),
     ],
 )
 def test_a_comparison_that_is_impossible_is_said_in_the_result(mine, tmp_path, keep, tensors, says):

@@ -14,10 +14,14 @@ from catalogs.compare.grid_convergence import share_off
 from catalogs.report.evidence import Evidence
 from catalogs.report.first_page import MAX_NEXT, next_steps
 from catalogs.report.sections.warnings import Advice, Banner, banners
+from catalogs.report.text import as_ratio, magnitude
 from catalogs.report.uncertainty import sources
-from catalogs.report.verdict import as_ratio, expected_range, largest_of, verdict
+from catalogs.report.verdict import RANDOM_TURN, RARE_TURN, another_run, expected_range, verdict
+from catalogs.sources.mechanisms import kagan_angle, random_frames
+from catalogs.sources.size_law import POWER, TRUNCATED
+from catalogs.sources.truncated_law import largest_interval
 from common.datasets import read_dataset
-from common.source_tensors import moment_magnitude
+from verification.answers.statistics.samples import simulated_sizes
 
 DATED = [{"name": name, "start": start, "end": end} for name, start, end, dated in fixtures.STEPS if dated]
 
@@ -64,24 +68,41 @@ def test_ratios_are_said_as_people_say_them(value, text):
 
 
 @pytest.mark.parametrize(
-    ("ratio", "interval", "words"),
+    ("ratio", "interval", "chance", "words"),
     [
-        (1 / 29, (1 / 60, 1 / 12), "releases 1/29 of the recorded potency (95 %: 1/60 to 1/12), in"),
-        (1 / 29, (1 / 60, 1 / 12), "That is far too little potency, more than chance explains."),
-        (0.5, (0.3, 0.9), "That is too little potency, more than chance explains."),
-        (4.0, (1.5, np.inf), "releases 4.0 times the recorded potency (95 %: 1.5 or more), in"),
-        (4.0, (1.5, np.inf), "That is far too much potency, more than chance explains."),
-        (1.2, (0.7, 2.1), "releases 1.2 times the recorded potency (95 %: 0.70 to 2.1), in"),
-        (1.2, (0.7, 2.1), "Chance can explain both differences."),
+        (1 / 29, (1 / 60, 1 / 12), 0.001, "releases 1/29 of the recorded potency (95 %: 1/60 to 1/12), in"),
+        (1 / 29, (1 / 60, 1 / 12), 0.001, "The difference in potency is more than chance explains, and that in number"),
+        (0.5, (0.3, 0.9), 0.03, "The difference in potency is hardly more than chance explains (p = 0.030), and that"),
+        (4.0, (1.5, np.inf), 0.001, "releases 4.0 times the recorded potency (95 %: 1.5 or more), in"),
+        (1.2, (0.703, 2.11), 0.5, "releases 1.2 times the recorded potency (95 %: 0.70 to 2.2), in"),
+        (1.2, (0.7, 2.1), 0.5, "Both differences are no more than chance explains."),
+        (0.5, (0.3, 0.996), 0.04, "(95 %: 0.300 to 0.996), in"),  # it excludes 1, and looks so
     ],
 )
-def test_the_ratio_of_potencies_is_a_sentence_and_a_judgement(known, ratio, interval, words):
+def test_the_ratio_of_potencies_is_a_sentence_and_a_test(known, ratio, interval, chance, words):
     one = compared(
-        known, potency_ratio=ratio, potency_ratio_interval=interval, event_ratio=1.0, event_ratio_interval=(0.5, 2.0)
-    )
+        known, potency_ratio=ratio, potency_ratio_interval=interval, potency_ratio_p_value=chance, event_ratio=1.0,
+        event_ratio_interval=(0.5, 2.0), event_ratio_p_value=0.9,
+    )  # fmt: skip
     assert words in verdict(one)[0]
     assert verdict(one)[0].startswith("The model releases ")
     assert verdict(compared(one, model_runs=9))[0].startswith("The mean of 9 runs of the model releases ")
+
+
+@pytest.mark.parametrize(
+    ("ratio", "counts", "without", "words"),
+    [
+        (1 / 1381, (50, 3), (1 / 2000, 1 / 40), "3 events hold 90 % of the recorded potency; without them the ratio is "
+         "1/40. "),
+        (1381.0, (1, 9), (3.0, 2000.0), "One event holds 90 % of the modelled potency; without it the ratio is 3.0. "),
+        (1 / 1381, (50, 30), (1 / 2000, 1 / 40), ""),  # many events hold it
+        (1 / 1381, (50, 2), (1 / 2000, np.nan), ""),  # there are no others
+    ],
+)  # fmt: skip
+def test_few_events_that_potency_rests_on_are_counted(known, ratio, counts, without, words):
+    one = compared(known, potency_ratio=ratio, large_events=counts, potency_ratio_without_large=without)
+    assert words in verdict(one)[0]
+    assert ("90 % of the" in verdict(one)[0]) == bool(words)
 
 
 def test_potency_of_all_sizes_is_said_where_most_of_it_is_in_events_too_small_to_compare(known):
@@ -100,46 +121,73 @@ def test_potency_of_all_sizes_is_said_where_most_of_it_is_in_events_too_small_to
 
 
 def test_number_is_judged_apart_from_potency(known):
-    one = compared(known, potency_ratio_interval=(0.5, 2.0), event_ratio=0.1, event_ratio_interval=(0.05, 0.3))
+    one = compared(
+        known, potency_ratio_p_value=0.3, event_ratio=0.1, event_ratio_interval=(0.05, 0.3), event_ratio_p_value=0.002
+    )
     text = verdict(one)[0]
     assert "in 1/10 of the recorded number of events (95 %: 1/20 to 0.30). " in text
-    assert text.endswith("Chance can explain the difference in potency, but not that in number.")
+    assert text.endswith(
+        "The difference in potency is no more than chance explains, and that in number is more than chance explains."
+    )
 
 
 @pytest.mark.parametrize(
-    ("nearest", "error", "words"),
+    ("chance", "words"),
     [
-        ((5.0, 4.0, 3.0), 10.0, "It places events 5.0 m from where they were recorded (median distance to the "
-         "nearest), which is within the 10 m to which recorded places are known."),
-        ((4.0, 15.0, 20.0), 10.0, "no farther than recorded events are from each other (20 m)."),
-        ((15.0, 4.0, 8.0), 10.0, "while recorded places are known to 10 m: it misses the places."),
-        ((15.0, 4.0, np.nan), 0.0, "while recorded places have no stated error: it misses the places."),
+        (0.3, "Their places differ by no more than chance explains."),
+        (0.02, "Their places differ by hardly more than chance explains (p = 0.020)."),
+        (0.004, "Their places differ by more than chance explains."),
     ],
-)  # fmt: skip
-def test_places_are_judged_by_what_the_record_can_tell(known, nearest, error, words):
-    """The larger of both medians counts: a model with events everywhere is near every recorded one."""
-    assert words in said(compared(known, nearest_distance=nearest, location_error=error))
+)
+def test_places_are_judged_by_their_test_alone(known, chance, words):
+    """However far events are from the nearest of the record, and whatever its location error is."""
+    one = compared(
+        known, energy_p_value=chance, centroid_distance=12.0, centroid_distance_interval=(0.0, 24.4),
+        nearest_distance=(90.0, 90.0, 3.0), location_error=1.0,
+    )  # fmt: skip
+    assert f"is 12 m from that of recorded ones (95 %: 0 to 25 m). {words}" in said(one)
+    assert "whether places agree" in said(compared(one, energy_p_value=np.nan))
 
 
-def test_chance_of_places_and_directions_is_said_once_it_is_known(known):
-    """A model that ran once cannot say; then what the p-value and the interval say."""
-    alone = verdict(known)[-1]
-    assert "whether places and directions agree by more than chance" in alone
-    interval = known.comparison["kagan_median_interval"].values.copy()
-    interval[1] = 40.0, 60.0  # of the nearest
-    median = known.comparison["kagan_median"].values.copy()
-    median[[1, 3]] = 50.0, 75.0
-    tested = compared(known, energy_p_value=0.3, kagan_median_interval=interval, kagan_median=median)
-    assert "The two clouds of events differ by no more than chance explains." in said(tested)
-    assert "recorded event by" not in said(tested)
-    assert "differs by 50° from that of the nearest recorded event (median; 75° at random), which is better" in said(
-        tested
+@pytest.mark.parametrize(
+    ("chance", "at_random", "words"),
+    [
+        (0.4, 0.01, ": the same direction, as far as chance tells, and closer than random ones come."),
+        (0.002, 0.01, ", which is more than chance explains, though closer than random directions come."),
+        (0.002, 0.1, ", which is more than chance explains, and no closer than random directions come."),
+        (0.4, 0.1, ": so few events tell neither a different direction nor one closer than random ones come."),
+    ],
+)
+def test_directions_are_tested_against_the_record_and_against_chance(known, chance, at_random, words):
+    one = compared(
+        known, mechanism_turn=44.6, mechanism_turn_interval=(20.2, 69.1), mechanism_turn_p_value=chance,
+        mechanism_turn_random_p_value=at_random,
+    )  # fmt: skip
+    text = (
+        "On average its rock slips in a direction 45° off the recorded one (95 %: 20 to 70°; a random direction is off"
     )
-    assert "whether places" not in said(tested)
-    median[3] = 55.0
-    worse = compared(tested, kagan_median=median, energy_p_value=0.01)
-    assert "(median; 55° at random), which is no better than chance." in said(worse)
-    assert "differ by more than chance explains." in said(worse)
+    assert text in said(one)
+    assert words in said(one)
+
+
+def test_angles_of_random_mechanisms_are_those_that_the_page_states():
+    angle = kagan_angle(random_frames(100_000, np.random.default_rng(1)), np.eye(3))
+    assert (angle.mean(), np.quantile(angle, 0.05)) == pytest.approx((RANDOM_TURN, RARE_TURN), abs=0.5)
+
+
+def test_the_page_states_what_it_would_have_noticed(known):
+    one = compared(
+        known, event_ratio_noticed=1 / 7, potency_ratio_noticed=np.inf, b_difference_noticed=0.311,
+        shift_noticed=24.2, mechanism_turn_noticed=20.1, energy_distance_interval=(1.0, 2.0),
+    )  # fmt: skip
+    text = said(one)
+    assert (
+        "In 4 of 5 cases the tests would have noticed 1/7.0 of the number of events, 0.31 more in b, a shift of 24 m "
+        "or a turn of 20°, but no difference in potency. Each of the 5 tests has p = 0.01 as its limit"
+    ) in text
+    assert "Too few runs" not in text
+    alone = compared(one, energy_distance_interval=(np.nan, np.nan))
+    assert "Too few runs show the model's chance: its events are taken to be as clustered" in said(alone)
 
 
 def test_a_record_without_mechanisms_says_nothing_of_directions(known):
@@ -147,7 +195,7 @@ def test_a_record_without_mechanisms_says_nothing_of_directions(known):
     record["p_axis"][:] = np.nan
     text = said(replace(compared(known, axes_present=0), record=record))
     assert "in which direction rock moved (the record has no mechanisms)" in text
-    assert "nearest recorded event" not in text
+    assert "slips in a direction" not in text
     assert "mechanisms" not in said(compared(known, axes_present=0))  # it has some, too few to compare
 
 
@@ -183,7 +231,7 @@ def test_a_single_recorded_event_is_compared_in_potency_only(known):
     catalog = known.catalog
     one = replace(known, record=record, comparison=compare(catalog, record, {"resamplings": 99, "steps": DATED}))
     assert "of the recorded potency" in said(one) or "times the recorded potency" in said(one)
-    assert "It places" not in said(one)
+    assert "Their places" not in said(one)
     assert "nan" not in said(one)
 
 
@@ -210,43 +258,46 @@ def test_mines_without_steps_dates_or_events(known):
 # ---- the largest event ----
 
 
-def test_the_largest_of_a_power_law_is_that_of_drawn_catalogues():
-    """Quantiles of 20,000 catalogues of 50 events, b = 0.8 above 10^-2 m3; the median in closed form for one event."""
-    generator = np.random.default_rng(0)
-    drawn = (-2 - np.log10(generator.random((20000, 50))) / 0.8).max(axis=1)
-    shares = [0.025, 0.5, 0.975]
-    np.testing.assert_allclose(largest_of(50, 0.8, -2.0, shares), np.quantile(drawn, shares), atol=0.06)
-    assert largest_of(1, 0.5, -1.0, 0.5) == pytest.approx(-1.0 + np.log10(2.0) / 0.5)
+@pytest.mark.parametrize(("law", "span"), [(POWER, np.inf), (TRUNCATED, 2.0)])
+def test_the_interval_of_the_largest_event_holds_that_of_another_catalogue(law, span):
+    """120 pairs of catalogues, of 80 events on average: 0.95 less three Monte Carlo errors, and not all of them."""
+    generator = np.random.default_rng(2)
+    held = []
+    for _ in range(120):
+        first, second = (simulated_sizes(generator, generator.poisson(80), 0.67, span) for _ in range(2))
+        low, high = largest_interval(first, 0.0, law, 1.0, generator)
+        held.append(low <= second.max() <= high)
+    assert 0.89 <= np.mean(held) < 1.0
 
 
-def test_the_largest_of_a_law_that_ends_is_that_of_drawn_catalogues():
-    """As before, with an end at 1 m3: by inversion of the truncated law; no quantile lies beyond the end."""
-    generator = np.random.default_rng(0)
-    share = generator.random((20000, 50))
-    drawn = (-2 - np.log10(1.0 - share * (1.0 - 10.0 ** (-0.8 * 2.0))) / 0.8).max(axis=1)
-    shares = [0.025, 0.5, 0.975]
-    np.testing.assert_allclose(largest_of(50, 0.8, -2.0, shares, 0.0), np.quantile(drawn, shares), atol=0.03)
-    assert largest_of(50, 0.3, -2.0, 1.0 - 1e-12, 0.0) == pytest.approx(0.0)
+def test_the_largest_event_of_clustered_events_is_less_certain():
+    x = simulated_sizes(np.random.default_rng(1), 60, 0.67)
+    low, high = largest_interval(x, 0.0, POWER, 1.0, np.random.default_rng(1))
+    lower, higher = largest_interval(x, 0.0, POWER, 8.0, np.random.default_rng(1))
+    assert lower < low < high
+    assert higher > lower
+
+
+def test_another_run_is_as_far_off_as_student_says():
+    """Of 3 runs t with two degrees of freedom, 4.303, times sqrt(4 / 3) of their standard deviation, 1."""
+    np.testing.assert_allclose(
+        another_run(np.array([0.0, 1.0, 2.0]), 0.05), 1.0 + np.array([-1, 1]) * 5.0185, atol=1e-3
+    )
 
 
 def test_the_range_of_the_largest_is_of_the_law_or_of_the_runs(known):
-    law = compared(known, law_model="power law", b=[0.8, 0.8], cut=-2.0, events_above_cut=[50, 40])
-    bounds, _ = expected_range(law)
-    released = float(np.log10(known.catalog["potency"].values.sum()))
-    np.testing.assert_allclose(bounds, largest_of(50, 0.8, -2.0, [0.025, 0.975], released))
-    assert bounds[1] < min(released, largest_of(50, 0.8, -2.0, 0.975))
-    low, high = moment_magnitude(fixtures.SHEAR * 10.0**bounds)
-    words = "If no event is larger than all potency that the model releases, chance alone (95 %) puts the largest "
-    words += f"event at Mw {low:.1f} to {high:.1f}."
+    law = compared(known, law_model="power law")
+    low, high = (magnitude(10.0**end, fixtures.SHEAR) for end in expected_range(law))
+    words = f"the largest event of another run would have Mw {np.floor(10 * low) / 10:.1f} to "
+    words += f"{np.ceil(10 * high) / 10:.1f} (95 %)."
     assert words.replace("-", "−") in said(law)
-    assert expected_range(compared(known, law_model="truncated power law")) is None
+    assert expected_range(compared(known, law_model="no power law")) is None
     edges = np.array([-3.0, -2.9, -2.8])
     counts = np.array([[9, 4, 0], [9, 4, 1], [3, 1, 0], [8, 0, 0]])
     runs = xr.Dataset({"size_bin_lower": ("size_bin", edges), "cumulative": (("run", "size_bin"), counts)})
-    bounds, words = expected_range(replace(law, spread=runs.assign_attrs(members=3)))
-    np.testing.assert_allclose(bounds, [-2.95, -2.75])
-    assert words == "In 4 equally valid runs the largest event has"
-    assert expected_range(replace(law, spread=runs.assign_attrs(members=2)))[1] != words
+    bounds = expected_range(replace(law, spread=runs.assign_attrs(members=3)))
+    np.testing.assert_allclose(bounds, another_run(np.array([-2.85, -2.75, -2.85, -2.95]), 0.05))
+    np.testing.assert_allclose(expected_range(replace(law, spread=runs.assign_attrs(members=2))), expected_range(law))
 
 
 # ---- what makes it uncertain ----
@@ -344,30 +395,30 @@ def test_what_is_wrong_is_mended_first_and_at_most_three_are_told(known):
 
 
 def test_a_potency_that_is_off_is_calibrated(known):
-    off = compared(known, potency_ratio=0.1, potency_ratio_interval=(0.05, 0.5))
+    off = compared(known, potency_ratio=0.1, potency_ratio_p_value=0.001)
     first = next_steps(off, [], sources(off))[0]
     assert (first.code, "calibration:" in first.text) == ("snakemake calibrate", True)
     named = replace(off, config=off.config | {"calibration": {"quantities": [{"key": "a"}]}})
     assert "calibration" not in next_steps(named, [], sources(named))[0].text
-    fits = compared(known, potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
+    fits = compared(known, potency_ratio_p_value=0.3, event_ratio_p_value=0.02)
     assert "snakemake calibrate" not in advised(fits)
 
 
 def test_a_silent_record_is_nothing_to_calibrate_to(known):
     """Its ratio of numbers differs from 1 by more than chance, too."""
-    silent = compared(known, events_above_cut=(90, 0), event_ratio_interval=(20.0, np.inf))
+    silent = compared(known, events_above_cut=(90, 0), event_ratio_p_value=0.001)
     assert "snakemake calibrate" not in advised(silent)
     assert "snakemake calibrate" in advised(compared(silent, events_above_cut=(90, 1)))
 
 
 def test_what_was_never_measured_is_measured_before_anything_is_refined(known):
-    one = compared(convergence(known, 5.0, 4.0), potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
+    one = compared(convergence(known, 5.0, 4.0), potency_ratio_p_value=0.5, event_ratio_p_value=0.5)
     assert advised(one)[:2] == ["ensemble: 8", "grid.finest_cell: 2 m"]
 
 
 def test_where_all_is_measured_the_largest_is_made_smaller_and_plans_follow(known):
     measured = ensemble(convergence(known, 5.0, 4.0), 10.0, 0.5)
-    measured = compared(measured, potency_ratio_interval=(0.5, 2.0), event_ratio_interval=(0.5, 2.0))
+    measured = compared(measured, potency_ratio_p_value=0.5, event_ratio_p_value=0.5)
     assert advised(measured) == ["grid.finest_cell: 2 m", "excavations.stope_9.step"]
     plans = replace(measured, config=measured.config | {"plans": {"slower": {}}})
     assert advised(plans)[1:] == ["snakemake plans", "excavations.stope_9.step"]

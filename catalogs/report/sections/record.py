@@ -104,13 +104,13 @@ def _impossible(evidence: Evidence) -> list[str]:
     found = []
     if not np.isfinite(comparison["energy_distance"]):
         found.append(as_sentence(attributes["location_text"]))
-    elif not np.isfinite(comparison["energy_p_value"]):
+    elif not np.isfinite(comparison["energy_distance_interval"]).all():
         runs = int(comparison["blocks"][0])
         found.append(
-            f"Differences of places and axes have no interval and no p-value: fewer than {MIN_BLOCKS} runs of the "
+            f"Most measures of places and axes have no interval and no p-value: fewer than {MIN_BLOCKS} runs of the "
             "model do not show how another run would differ. Set ensemble: 8."
             if runs < MIN_BLOCKS
-            else f"Differences of places have no interval and no p-value: fewer than {MIN_BLOCKS} of the model's "
+            else f"Most measures of places have no interval and no p-value: fewer than {MIN_BLOCKS} of the model's "
             f"{runs} runs have events of such a size in a step that the record shares."
         )
     few = [f"{name} has {count}" for name, count in zip(names, counts, strict=True) if count < MIN_EVENTS_FOR_B]

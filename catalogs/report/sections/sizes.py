@@ -16,7 +16,18 @@ from catalogs.figures import style
 from catalogs.report.evidence import MODEL_LABEL, Evidence, shown_catalogues
 from catalogs.report.gallery import Gallery
 from catalogs.report.sections import section_number
-from catalogs.report.text import DASH, as_sentence, between, comparison_row, fixed, number, percent, whole, with_unit
+from catalogs.report.text import (
+    DASH,
+    as_sentence,
+    between,
+    comparison_row,
+    fixed,
+    hundredths,
+    number,
+    percent,
+    whole,
+    with_unit,
+)
 from catalogs.settings import ComparisonSettings
 from catalogs.sources.size_law import NONE, POWER, TRUNCATED
 from catalogs.sources.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, counts, cut_grid, estimate_b, log_potency
@@ -156,11 +167,6 @@ def _pair(comparison: xr.Dataset, name: str, form: Callable[[float], str] = numb
     return model, record
 
 
-def hundredths(value: float) -> str:
-    """A number with two decimals: logarithms and b."""
-    return fixed(value, 2)
-
-
 def _ratio(comparison: xr.Dataset, name: str, both: str) -> tuple[str, str, str]:
     """Name of a ratio's row, its value and its interval. both: what both expect as much of if the ratio is 1."""
     runs, p_value = int(comparison["model_runs"]), float(comparison[f"{name}_p_value"])
@@ -258,8 +264,7 @@ def _panel(axes: Axes, sizes: Sizes) -> None:
         axes.axvline(sizes.cut, color="k", linewidth=0.9, linestyle="--", label=f"cut {_number(sizes.cut)}")
     if np.isfinite(sizes.b):
         span = np.array([sizes.cut, max(values[-1], sizes.cut + SIZE_BIN_WIDTH)])
-        low, high = sizes.b_interval
-        text = f"b = {sizes.b:.2f} ({low:.2f} to {high:.2f})"
+        text = f"b = {hundredths(sizes.b)} ({between(sizes.b_interval, hundredths)})"
         axes.plot(span, 10 ** (sizes.a - sizes.b * span), color="k", linewidth=1.6, label=text)
     axes.legend(loc="upper right")
 

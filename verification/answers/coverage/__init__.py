@@ -8,7 +8,7 @@ subject is a module with a function `answer`, which takes settings and bounds, a
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.answers.coverage import baselines, comparison
+from verification.answers.coverage import baselines, comparison, first_page
 from verification.answers.coverage.shares import Coverage, coverage_rows
 from verification.page_tables import Pivot
 from verification.plots import plot_errors
@@ -28,8 +28,18 @@ TABLES = (
         r"(?P<row>.+): (?P<column>\w+) of one process said to differ .+",
         "measured",
     ),
+    Pivot(
+        "Share of first pages that call a right model wrong, and random directions close",
+        r"(?P<row>.+): (?P<column>right models called wrong|random directions called closer) \(error: .+\)",
+        "measured",
+    ),
+    Pivot(
+        "Share of wrong models whose sentence on the first page says so, where they are as wrong as it says it notices",
+        r"(?P<row>.+): (?P<column>\w+) of the size that pages state, noticed .+",
+        "measured",
+    ),
 )
-SUBJECTS = (comparison.answer, baselines.answer)
+SUBJECTS = (comparison.answer, baselines.answer, first_page.answer)
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
