@@ -179,7 +179,7 @@ def total_ratio(first: Total, second: Total) -> Ratio:
     return Ratio(
         first.value / second.value if second.value else np.nan,
         np.array([lower, upper]),
-        float(_chance(*np.array(worth), *scales)),
+        float(_chance(np.array(worth[0]), np.array(worth[1]), *scales)),
     )
 
 
@@ -207,8 +207,8 @@ def noticed_ratio(first: Total, second: Total) -> float:
 
     def lack(log_ratio: float) -> float:
         """Power that is lacking where the first total is expected to be this much larger."""
-        expected = worth(second.value * np.exp(log_ratio), scales[0])[:, None], worth(second.value, scales[1])
-        return POWER - float(np.mean(_chance(*expected, *scales) <= TEST_LEVEL))
+        more = worth(second.value * np.exp(log_ratio), scales[0])[:, None]
+        return POWER - float(np.mean(_chance(more, worth(second.value, scales[1]), *scales) <= TEST_LEVEL))
 
     far = sign * MAX_LOG_RATIO
     if lack(far) > 0.0:

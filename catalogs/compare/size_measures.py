@@ -139,7 +139,7 @@ def _noticed(fits: list[Fit]) -> float:
         return np.nan
     ends = any(one.law.name == TRUNCATED for one in fits)
     values = [one.bounded if ends else one.plain for one in fits]
-    error = np.hypot(*(one.error / one.b for one in values))
+    error = np.hypot(values[0].error / values[0].b, values[1].error / values[1].b)
     return float(abs(values[1].b) * np.expm1((norm.isf(0.5 * TEST_LEVEL) + POWER_DEVIATIONS) * error))
 
 
