@@ -1,5 +1,6 @@
 """Result of the model and its agreement with the record, in sentences for the first page."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -245,7 +246,7 @@ def _noticed(evidence: Evidence) -> list[str]:
     """Sentences on the differences that the page's tests would have noticed, and on their level; an empty list without
     any test."""
     comparison = evidence.comparison
-    forms = {
+    forms: dict[str, tuple[str, Callable[[float], str]]] = {
         "event_ratio": ("{} the number of events", _multiple),
         "potency_ratio": ("{} the potency", _multiple),
         "b_difference": ("{} more in b", partial(number, digits=2)),

@@ -31,7 +31,7 @@ def rotation_between(first: NDArray, second: NDArray) -> NDArray:
     return Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec().reshape(*matrix.shape[:-1])
 
 
-def mechanism_turn(model: AxesSample, record: AxesSample, generator: np.random.Generator) -> dict[str, float | NDArray]:
+def mechanism_turn(model: AxesSample, record: AxesSample, generator: np.random.Generator) -> dict[str, NDArray]:
     """The turn, degrees, its 95 % interval, both p-values and the turn that the test notices; names as in
     catalogs.compare.layout.
 
@@ -56,13 +56,14 @@ def mechanism_turn(model: AxesSample, record: AxesSample, generator: np.random.G
     off, noticed = np.degrees(lengths), float(np.degrees(both.noticed(lengths)))
     random = kagan_angle(random_frames(DRAWS, generator), np.eye(3))
     reach = np.quantile(off, 0.95)
-    return {
+    found = {
         "mechanism_turn": turn,
         "mechanism_turn_interval": np.clip([turn - reach, turn + reach], 0.0, KAGAN_LIMIT),
-        "mechanism_turn_p_value": float((1 + np.sum(off >= turn)) / (DRAWS + 1)),
-        "mechanism_turn_random_p_value": float((1 + np.sum(random <= turn)) / (DRAWS + 1)),
+        "mechanism_turn_p_value": (1 + np.sum(off >= turn)) / (DRAWS + 1),
+        "mechanism_turn_random_p_value": (1 + np.sum(random <= turn)) / (DRAWS + 1),
         "mechanism_turn_noticed": noticed if noticed < KAGAN_LIMIT else np.inf,
     }
+    return {name: np.array(value, float) for name, value in found.items()}
 
 
 def _mean_frame(axes: NDArray, labels: NDArray) -> tuple[NDArray, Scatter | None]:

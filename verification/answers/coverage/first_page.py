@@ -19,7 +19,7 @@ from catalogs.compare.comparison import compare
 from catalogs.compare.spread import SPREAD_BIN_WIDTH
 from catalogs.report.evidence import Evidence
 from catalogs.report.verdict import MORE_THAN_CHANCE, expected_range, verdict
-from catalogs.settings import ComparisonSlice
+from catalogs.settings import ComparisonSlice, DatedStep
 from catalogs.sources import sizes
 from catalogs.sources.significance import POWER, SIGNIFICANCE
 from common.event_table import new_catalog
@@ -189,13 +189,16 @@ def page(
     record = catalogue(generator, case, chosen, None, rotation)
     model, *members = (catalogue(generator, case, chosen, wrong, rotation) for _ in range(case.get("runs", 1)))
     edges = dated(np.linspace(0.0, chosen["days"], chosen["steps"] + 1))
-    steps = [
-        {"name": f"step {number}", "start": str(start), "end": str(end)}
+    steps = tuple(
+        DatedStep(name=f"step {number}", start=str(start), end=str(end))
         for number, (start, end) in enumerate(pairwise(edges))
-    ]
+    )
     settings = ComparisonSlice(resamplings=chosen["resamplings"], seed=seed, steps=steps, members=len(members))
     comparison = compare(model, record, settings, members)
-    stages = [xr.Dataset(attrs=step | {"stage": "step", "dated": 1, "step": step["name"]}) for step in steps]
+    stages = [
+        xr.Dataset(attrs={"stage": "step", "dated": 1, "step": step.name, "start": step.start, "end": step.end})
+        for step in steps
+    ]
     known: dict[str, Any] = dict.fromkeys(field.name for field in fields(Evidence))
     known |= {"config": {}, "stages": stages, "catalog": model, "record": record, "comparison": comparison}
     evidence = Evidence(**known | {"spread": _spread(model, members)})
