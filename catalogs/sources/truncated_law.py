@@ -109,7 +109,7 @@ def largest_interval(
     expected = dispersion_index * generator.standard_gamma(len(x) / dispersion_index + 0.5, DRAWS)
     if dispersion_index > 1.0:
         expected = (dispersion_index - 1.0) * generator.standard_gamma(expected / (dispersion_index - 1.0))
-    number = generator.poisson(expected)
+    number = np.maximum(generator.poisson(expected), 1)  # without an event there is no largest one
     laws = [draw_law(x, cut, float(x.max()) + ROOM, DRAWS, generator)]
     if law == POWER:
         rate = generator.standard_gamma(len(x), DRAWS) / float(np.sum(x - cut))
