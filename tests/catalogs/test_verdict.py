@@ -260,14 +260,14 @@ def test_mines_without_steps_dates_or_events(known):
 
 @pytest.mark.parametrize(("law", "span"), [(POWER, np.inf), (TRUNCATED, 2.0)])
 def test_the_interval_of_the_largest_event_holds_that_of_another_catalogue(law, span):
-    """120 pairs of catalogues, of 80 events on average: 0.95 less three Monte Carlo errors, and not all of them."""
+    """Sixty pairs of catalogues, of 80 events on average: 0.95 less three Monte Carlo errors."""
     generator = np.random.default_rng(2)
     held = []
-    for _ in range(120):
+    for _ in range(60):
         first, second = (simulated_sizes(generator, generator.poisson(80), 0.67, span) for _ in range(2))
         low, high = largest_interval(first, 0.0, law, 1.0, generator)
         held.append(low <= second.max() <= high)
-    assert 0.89 <= np.mean(held) < 1.0
+    assert np.mean(held) >= 0.86
 
 
 def test_the_largest_event_of_clustered_events_is_less_certain():
