@@ -11,7 +11,7 @@ from step_fixtures import events_of
 from catalogs.figures import style
 from catalogs.report.sections import sizes
 from catalogs.report.sections.axes import insitu_axes, iso_share
-from catalogs.report.text import between, number
+from catalogs.report.text import between, hundredths, number
 from catalogs.settings import InsituStress
 from common.datasets import read_dataset
 
@@ -21,11 +21,10 @@ def test_match_is_given_in_numbers_with_intervals(page, mine):
     comparison = read_dataset(mine.comparison)
     angle, interval = comparison["mean_angle"].values[0], comparison["mean_angle_interval"].values[0]
     ratio, distance = comparison["potency_ratio"], comparison["centroid_distance"]
-    b_difference = [float(comparison["b_difference"]), *comparison["b_difference_interval"].values]
-    b_difference = [f"{value:.2f}".replace("-", "−") for value in b_difference]
+    b_difference, b_interval = float(comparison["b_difference"]), comparison["b_difference_interval"].values
     expected = (
         ("sizes", number(ratio), between(comparison["potency_ratio_interval"].values)),
-        ("sizes", b_difference[0], f"{b_difference[1]} to {b_difference[2]}"),
+        ("sizes", hundredths(b_difference), between(b_interval, hundredths)),
         ("events", f"{number(distance)} m", between(comparison["centroid_distance_interval"].values)),
         ("axes", f"{number(angle)}°", between(interval)),
     )
