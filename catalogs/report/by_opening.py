@@ -42,11 +42,11 @@ class OpeningRow:
     sides: tuple[Near, ...]
 
 
-def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDArray]:
-    """Index of the nearest opening that is mined in an event's step or before, (event,), and its distance, m.
+def step_of_events(evidence: Evidence, events: xr.Dataset) -> NDArray:
+    """Index of the step of each event, (event,); -1 where no step is.
 
     A modelled event has its step. A recorded one has the step within whose dates it lies, as in the comparison,
-    whatever a column of steps says. -1 where no step is.
+    whatever a column of steps says.
     """
     order = {step["step"]: place for place, step in enumerate(evidence.steps)}
     own = np.full(events.sizes["event"], -1)
@@ -56,7 +56,15 @@ def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDAr
         start, end = window(step)
         time = events["time"].values
         own[(own < 0) & (time >= start) & (time < end)] = order[step["step"]]
-    axes = axes_of(evidence.grid)
+    return own
+
+
+def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDArray]:
+    """Index of the nearest opening that is mined in an event's step or before, (event,), and its distance, m.
+
+    -1 where no step is.
+    """
+    own, axes = step_of_events(evidence, events), axes_of(evidence.grid)
     found, distance = np.full(len(own), -1), np.full(len(own), np.nan)
     for step in np.unique(own[own >= 0]):
         here = own == step

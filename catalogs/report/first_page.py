@@ -13,6 +13,7 @@ from catalogs.figures.step_bars import Bars, step_bars
 from catalogs.report.by_opening import opening_rows
 from catalogs.report.evidence import MODEL_LABEL, Evidence, compared_events, shown_catalogues
 from catalogs.report.gallery import Gallery
+from catalogs.report.look_first import look_first
 from catalogs.report.sections.steps import StepLine, cut_of, latest_and_largest, step_lines, total
 from catalogs.report.sections.warnings import Advice, Banner, banners
 from catalogs.report.text import plural, whole
@@ -43,6 +44,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "others": len(lines) - len(chosen),
         "counted": f"of {size_of_cut(evidence)} and more" if lines and np.isfinite(cut_of(evidence)) else "",
         "verdict": verdict(evidence),
+        "look_first": look_first(evidence),
         "sources": uncertain,
         "next": next_steps(evidence, [one for one in warnings if one.brief], uncertain),
     }
