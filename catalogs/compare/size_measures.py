@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy  # imports its parts as they are used, which small stages would wait for
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from catalogs.compare.layout import CATALOGUES
 from catalogs.settings import ComparisonSettings
@@ -140,7 +140,7 @@ def _noticed(fits: list[Fit]) -> float:
     ends = any(one.law.name == TRUNCATED for one in fits)
     values = [one.bounded if ends else one.plain for one in fits]
     error = np.hypot(values[0].error / values[0].b, values[1].error / values[1].b)
-    return float(abs(values[1].b) * np.expm1((norm.isf(0.5 * TEST_LEVEL) + POWER_DEVIATIONS) * error))
+    return float(abs(values[1].b) * np.expm1((scipy.stats.norm.isf(0.5 * TEST_LEVEL) + POWER_DEVIATIONS) * error))
 
 
 def _difference(fits: list[Fit]) -> sizes.BDifference:

@@ -5,10 +5,12 @@ directions. Each test has the level SIGNIFICANCE / QUESTIONS (Bonferroni), so th
 of them a share of SIGNIFICANCE at most is said to differ in any.
 """
 
-from scipy.stats import norm
+import scipy  # imports its parts as they are used, which small stages would wait for
 
 SIGNIFICANCE = 0.05  # Share of right models that a whole page calls wrong.
 QUESTIONS = 5
 TEST_LEVEL = SIGNIFICANCE / QUESTIONS
 POWER = 0.8  # Share of differences that are noticed, of those named as noticeable.
-POWER_DEVIATIONS = float(norm.ppf(POWER))  # Standard errors that a difference needs beyond the limit of its test.
+POWER_DEVIATIONS = float(
+    scipy.stats.norm.ppf(POWER)
+)  # Standard errors that a difference needs beyond the limit of its test.
