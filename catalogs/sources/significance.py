@@ -5,8 +5,6 @@ directions. Each test has the level SIGNIFICANCE / QUESTIONS (Bonferroni), so th
 of them a share of SIGNIFICANCE at most is said to differ in any.
 """
 
-import scipy  # imports its parts as they are used, which small stages would wait for
-
 SIGNIFICANCE = 0.05  # Share of right models that a whole page calls wrong.
 QUESTIONS = 5
 TEST_LEVEL = SIGNIFICANCE / QUESTIONS
