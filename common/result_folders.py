@@ -20,7 +20,8 @@ _NOTES = {
     f"results/[^/]+/({PLANS}/[^/]+/)?{DRAWN_ROCK}/[0-9]+/": "rock that the calibration has drawn; "
     "hazard.rock: mine_file leaves it out",
     f"results/[^/]+/{PLANS}/[^/]+/": "another plan of the mine; without it in plans it is left out",
-    f"results/[^/]+/({PLANS}/[^/]+/)?{ENSEMBLE}/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out",
+    f"results/[^/]+/({PLANS}/[^/]+/)?{ENSEMBLE}/[0-9]+/": "a perturbed member; ensemble: 0 leaves all of them out, "
+    "for plans hazard.runs: 1",
 }
 
 

@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from catalogs.sources.completeness import MIN_EVENTS_ABOVE_CUT
 from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
 from catalogs.sources.truncated_law import TruncatedLaw, draw_law
-from plans.record import LAW, Factors, RecordedNumbers, find_factors
+from plans.differences import MIN_RUNS
+from plans.factors import Factors, find_factors
+from plans.record import LAW, RecordedNumbers
 from plans.runs import StepResult
 from plans.settings import OutcomeSlice
 
@@ -35,18 +36,28 @@ MAX_EXPECTED = 1e9  # Larger numbers, which few draws of rock may have a long ta
 DAYS_OF_YEAR = 365.25
 # Least room for an upper end above the largest event seen, log10 m3, where all potency of the plan leaves less.
 MIN_ROOM = 1.0
-SIZE_CLASS = 0.5  # log10 P: an event that two runs share has a size in each, which is not quite the same.
+# Classes of size that runs are compared in: an event that two runs share has not quite the same size in each.
+MAX_CLASSES = 8
+MIN_EVENTS_OF_CLASS = 5  # of each run, on average
 
 
-def dispersion_index(number: NDArray) -> float:
-    """Variance over mean of the number of events (run,), at least 1; 1 for fewer runs than a variance needs.
+def run_dispersion(number: NDArray) -> float:
+    """Variance of the number of events between runs (run,) or (run, step) over its mean, at least 1.
 
-    Of few runs the variance is uncertain: it is widened so that a normal interval holds as often as one of Student's t.
+    Of several steps it is that of a step. 1 for fewer runs than a variance needs, or without an event.
     """
-    if len(number) < MIN_RUNS_FOR_VARIANCE or not number.any():
+    if len(number) < MIN_RUNS or not number.any():
         return 1.0
-    stretch = t.ppf(INTERVAL_95[1], len(number) - 1) / norm.ppf(INTERVAL_95[1])
-    return max(1.0, float(stretch**2 * number.var(ddof=1) / number.mean()))
+    return max(1.0, float(number.var(axis=0, ddof=1).sum() / number.mean(axis=0).sum()))
+
+
+def widened(dispersion: float, freedom: int) -> float:
+    """A dispersion of runs that is known to so many degrees of freedom, for a normal interval.
+
+    It is raised so that the interval holds as often as one of Student's t; 1 stays 1 of runs that no variance is known
+    of (freedom 0).
+    """
+    return dispersion * float(t.ppf(INTERVAL_95[1], freedom) / norm.ppf(INTERVAL_95[1])) ** 2 if freedom else dispersion
 
 
 def draw_expected(number: NDArray, runs: int, ratio: float, draws: int, generator: np.random.Generator) -> NDArray:
@@ -58,21 +69,25 @@ def draw_expected(number: NDArray, runs: int, ratio: float, draws: int, generato
     return ratio / runs * generator.standard_gamma(number / ratio + 0.5, size=(*number.shape[:-1], draws))
 
 
-def chance_of(expected: NDArray, share: NDArray) -> NDArray:
+def chance_of(expected: NDArray, share: NDArray, dispersion: float | NDArray = 1.0) -> NDArray:
     """Chance of an event at least, from the expected number of all and the share that is large enough.
+
+    dispersion: variance over mean of the number of all; above 1 that number is negative binomial.
 
     >>> round(float(chance_of(np.array(2.0), np.array(0.1))), 4)  # 1 - exp(-0.2)
     0.1813
     """
-    return -np.expm1(-expected * share)
+    excess = np.maximum(np.asarray(dispersion) - 1.0, 1e-9)
+    rate = np.log1p(excess * share) / excess
+    return -np.expm1(-expected * rate)
 
 
-def draw_numbers(expected: NDArray, ratio: float, generator: np.random.Generator) -> NDArray:
+def draw_numbers(expected: NDArray, ratio: float | NDArray, generator: np.random.Generator) -> NDArray:
     """Numbers of events (draw,) about the expected ones: Poisson, or negative binomial with this variance over mean."""
     expected = np.minimum(expected, MAX_EXPECTED)
-    if ratio > 1.0:
-        expected = (ratio - 1.0) * generator.standard_gamma(np.maximum(expected, 1e-12) / (ratio - 1.0))
-    return generator.poisson(expected)
+    excess = np.maximum(ratio - 1.0, 1e-9)
+    gamma = excess * generator.standard_gamma(np.maximum(expected, 1e-12) / excess)
+    return generator.poisson(np.where(excess > 1e-6, gamma, expected))
 
 
 def find_hazard(
@@ -82,19 +97,24 @@ def find_hazard(
     ahead: NDArray,
     floor: float,
     recorded: RecordedNumbers | None,
+    others: Sequence[Sequence[StepResult]] = (),
 ) -> tuple[dict[str, NDArray], dict[str, Any]]:
     """Expected numbers, chances and forecasts of a plan: variables and attributes of plans.layout.
 
     values: variables of plans.layout with the results of the runs; runs: events from the floor on of the plan's own run
-    and of its members; ahead (step,): steps that begin after the record.
+    and of its members; ahead (step,): steps that begin after the record; others: as runs, what the other plans have and
+    this one does not.
     """
     generator = np.random.default_rng(SEED)
-    law, law_attributes = _law(runs, values["whole_potency"], floor, recorded, generator)
+    law, law_attributes = _law([*runs, *others], len(runs), values["whole_potency"], floor, recorded, generator)
     counted = ahead if ahead.any() else np.ones_like(ahead)
-    factors = find_factors(settings, values, recorded, counted, DRAWS, generator)
     own = ~np.isnan(values["number"][:, 0, 0])
     within, number = values["number_within"][own], values["number"][own][:, :, -1]
-    ratio = dispersion_index(number[:, counted].sum(axis=1))
+    count = len(number)
+    of_step, of_plan = run_dispersion(number), run_dispersion(number[:, counted].sum(axis=1))
+    factors = find_factors(settings, values, recorded, counted, DRAWS, generator, of_step)
+    dispersion = of_plan if factors.dispersion is None else factors.dispersion
+    ratio = widened(of_plan, count - 1) if count >= MIN_RUNS else 1.0
     periods = [*np.eye(len(ahead), dtype=bool), counted]
     days, sizes = values["days"], values["size_log_potency"]
     share = law.share_above(sizes) if law else np.full((len(sizes), DRAWS), np.nan)
@@ -104,19 +124,22 @@ def find_hazard(
         factor = factors.of(period, number.sum(axis=0))
         open_days = is_open @ np.where(period, days, 0.0)
         years = DAYS_OF_YEAR / np.where(open_days > 0.0, open_days, np.inf)
-        row = chances(within[:, period].sum(axis=1), ratio, factor, share, years, generator)
-        for of_period in row.values():
+        row = chances(within[:, period].sum(axis=1), ratio, factor, share, years, generator, dispersion)
+        for name, of_period in row.items():
             of_period[open_days == 0.0] = np.nan
+            if count < MIN_RUNS and (name.startswith(("chance", "yearly_chance")) or name == "expected_interval"):
+                of_period[:] = np.nan  # nothing says how another run would differ
         rows.append(row)
     hazard = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
     hazard["period_days"] = np.array([days[period].sum() for period in periods])
-    forecast, spread = _forecasts(number, ratio, factors, law, ahead, recorded, generator)
+    of_month = widened(of_step, (count - 1) * number.shape[1]) if count >= MIN_RUNS else 1.0
+    forecast = _forecasts(number, of_month, factors, law, ahead, generator)
     attributes = {
         "contains": json.dumps([*factors.contains, *([LAW] if law else [])]),
         "lacks": json.dumps(list(factors.lacks)),
         "ratio_text": factors.text,
-        "runs": int(own.sum()),
-        "number_dispersion": spread,
+        "runs": count,
+        "number_dispersion": float(np.median(factors.dispersion)) if factors.dispersion is not None else of_step,
     }
     return hazard | forecast, attributes | law_attributes
 
@@ -136,11 +159,13 @@ def chances(
     share: NDArray,
     years: float | NDArray,
     generator: np.random.Generator,
+    dispersion: float | NDArray = 1.0,
 ) -> dict[str, NDArray]:
     """Expected numbers (opening, distance) and chances (opening, distance, size) of a period, with intervals.
 
     number (run, opening, distance); factor (draw,); share (size, draw); years: how often the days of the period on
-    which an opening is mined fit into a year, () or (opening,).
+    which an opening is mined fit into a year, () or (opening,); ratio: variance over mean of the number between runs;
+    dispersion, () or (draw,): of numbers of events in the rock.
     """
     runs, shape = len(number), number.shape[1:]
     pairs = np.stack(np.broadcast_arrays(number.sum(axis=0), np.asarray(years, float)[..., None]))
@@ -151,8 +176,8 @@ def chances(
     mean = values[:, None] / runs * factor
     values_of_period = {"expected": np.median(mean, axis=-1), "expected_interval": _interval(drawn)}
     for name, times in (("chance", 1.0), ("yearly_chance", often)):
-        mean_chance = chance_of(times * mean[:, None], share).mean(axis=-1)
-        interval = _interval(chance_of(times * drawn[:, None], share))
+        mean_chance = chance_of(times * mean[:, None], share, dispersion).mean(axis=-1)
+        interval = _interval(chance_of(times * drawn[:, None], share, dispersion))
         # where few draws of the law reach a size, the mean of its chance may lie beyond nearly all of them
         values_of_period[name] = mean_chance
         values_of_period[f"{name}_interval"] = np.stack(
@@ -171,33 +196,48 @@ def independent_share(runs: Sequence[Sequence[StepResult]]) -> float:
     """Number of independent sizes that each event of these runs counts as: 1 for runs that share nothing, one over
     their number if all are the same.
 
-    Numbers by step and class of size vary between runs that share a part rho of their events by 1 - rho of their mean,
-    and K such runs are worth K / (1 + (K - 1) rho) independent ones (Kish 1965).
+    K runs that share a part rho of their events are worth K / (1 + (K - 1) rho) independent ones (Kish 1965). Numbers
+    by class of size, given how many events each run has, differ between such runs by 1 - rho of what they do between
+    independent ones. So Pearson's chi-square is that part of its degrees of freedom, whatever clusters the events make.
     """
-    classes = [np.floor(log_potency(step.potency) / SIZE_CLASS).astype(int) for run in runs for step in run]
-    every = np.concatenate(classes)
-    if len(runs) < 2 or not len(every):
+    if len(runs) < 2:
         return 1.0
-    counted = np.array([np.bincount(one - every.min(), minlength=np.ptp(every) + 1) for one in classes], float)
-    counted = counted.reshape(len(runs), -1)
-    shared = float(np.clip(1.0 - counted.var(axis=0, ddof=1).sum() / counted.mean(axis=0).sum(), 0.0, 1.0))
+    square, freedom = 0.0, 0
+    for step in zip(*runs, strict=True):
+        sizes = [log_potency(one.potency) for one in step if len(one.potency)]
+        every = np.concatenate([*sizes, np.empty(0)])
+        classes = min(MAX_CLASSES, int(len(every) / (MIN_EVENTS_OF_CLASS * len(step))))
+        if len(sizes) < 2 or classes < 2:
+            continue
+        # of equal numbers: classes of single events would be those that are not shared
+        edges = np.quantile(every, np.arange(1, classes) / classes)
+        counted = np.array([np.bincount(np.searchsorted(edges, one), minlength=classes) for one in sizes], float)
+        expected = np.outer(counted.sum(axis=1), counted.sum(axis=0)) / counted.sum()
+        square += float(np.sum((counted - expected) ** 2 / expected))
+        freedom += (len(sizes) - 1) * (classes - 1)
+    shared = float(np.clip(1.0 - square / freedom, 0.0, 1.0)) if freedom else 0.0
     return 1.0 / (1.0 + (len(runs) - 1) * shared)
 
 
 def _law(
     runs: Sequence[Sequence[StepResult]],
+    own: int,
     whole_potency: NDArray,
     floor: float,
     recorded: RecordedNumbers | None,
     generator: np.random.Generator,
 ) -> tuple[TruncatedLaw | None, dict[str, Any]]:
-    """The law of sizes of the record where it has enough events, else of all runs, and its attributes; None without.
+    """The law of sizes of the record where it has enough events, else of all runs of all plans, and its attributes;
+    None without.
 
-    whole_potency (run, step): that of all events of a step, m3.
+    The first `own` runs are those of the plan; the others have what other plans do not share with it. All plans that
+    are compared have one law. whole_potency (run, step): that of all events of a step of the plan's own runs, m3.
     """
     modelled = log_potency(np.concatenate([step.potency for run in runs for step in run]))
     x, width, source = modelled, 0.0, "model"
-    whole = float(np.nansum(whole_potency, axis=1).max())
+    whole = float(
+        max(np.nansum(whole_potency, axis=1).max(), *(sum(step.whole_potency for step in run) for run in runs))
+    )
     if recorded is not None:
         whole = max(whole, recorded.potency)
         if len(recorded.sizes) >= MIN_EVENTS_ABOVE_CUT:
@@ -211,7 +251,7 @@ def _law(
         }
         return None, {"law_source": "none", "law_events": len(x), **missing}
     cap = max(np.log10(whole), float(max(x.max(), modelled.max(initial=-np.inf))) + MIN_ROOM)
-    weight = independent_share(runs) if source == "model" else 1.0
+    weight = independent_share(runs[:own]) if source == "model" else 1.0
     law = draw_law(x, floor, cap, DRAWS, generator, width, weight)
     return law, {
         "law_source": source,
@@ -229,18 +269,20 @@ def _forecasts(
     factors: Factors,
     law: TruncatedLaw | None,
     ahead: NDArray,
-    recorded: RecordedNumbers | None,
     generator: np.random.Generator,
-) -> tuple[dict[str, NDArray], float]:
-    """Draws of number, potency and largest event of each step that is ahead; and the dispersion index of the number."""
+) -> dict[str, NDArray]:
+    """Draws of number, potency and largest event of each step that is ahead.
+
+    number (run, step); ratio: variance over mean of the number of a step between runs.
+    """
     shape = (len(ahead), DRAWS)
     forecast = {name: np.full(shape, np.nan) for name in ("number", "potency", "largest")}
-    spread = recorded.dispersion_index if recorded is not None and recorded.recorded.any() else ratio
+    spread = ratio if factors.dispersion is None else factors.dispersion
     for step in np.flatnonzero(ahead):
         expected = draw_expected(number[:, step].sum(), len(number), ratio, DRAWS, generator)
         expected = expected * factors.of(np.arange(len(ahead)) == step, number.sum(axis=0))
-        drawn = draw_numbers(expected, max(1.0, spread), generator)
+        drawn = draw_numbers(expected, spread, generator)
         forecast["number"][step] = drawn
         if law is not None:
             forecast["potency"][step], forecast["largest"][step] = law.sizes(drawn, generator)
-    return {f"forecast_{name}": draws for name, draws in forecast.items()}, float(max(1.0, spread))
+    return {f"forecast_{name}": draws for name, draws in forecast.items()}

@@ -201,6 +201,11 @@ class PlanSummary:
         """Number of members of its ensemble."""
         return int(self.is_like_own.sum()) - 1
 
+    @property
+    def runs(self) -> int:
+        """Number of its own run and the members."""
+        return self.members + 1
+
     def has_runs(self, kind: str) -> bool:
         """True if it has a run of this kind."""
         return bool((self.outcome["run_kind"].values == kind).any())

@@ -20,7 +20,7 @@ from common.source_tensors import moment_of_magnitude
 from plans.hazard import find_hazard
 from plans.layout import ANY, LIKE_OWN, OWN, new_outcome
 from plans.record import is_ahead, read_recorded
-from plans.runs import Geometry, StepResult, common_floor, counts, digest, read_run, run_floor
+from plans.runs import Geometry, StepResult, common_floor, counts, digest, read_run, read_steps
 from plans.settings import OutcomeSlice
 
 
@@ -55,7 +55,8 @@ def make_outcome(
     runs = [read_run(run, steps, settings.mine) for run in settings.runs]
     like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN]
     recorded = read_recorded(settings, record, comparison) if record is not None and comparison is not None else None
-    other_floors = [(run.kind, run_floor(run, settings.mine)) for run in settings.compared_runs]
+    compared = [(run.kind, read_steps(run, settings.mine)) for run in settings.compared_runs]
+    other_floors = [(kind, common_floor([run])) for kind, run in compared]
     own_floors = [common_floor([runs[number] for number in like_own])]
     own_floors += [one for kind, one in other_floors if kind in LIKE_OWN]
     floor = float(np.fmax.reduce(own_floors))
@@ -69,7 +70,8 @@ def make_outcome(
     ahead = np.array([is_ahead(step, until) for step in steps])
     counted = [[step.from_floor(floor) for step in runs[number]] for number in like_own]
     numbers = recorded.numbers(floor, shared) if recorded else None
-    hazard, attributes = find_hazard(settings, values, counted, ahead, floor, numbers)
+    others = [[step.from_floor(floor) for step in run] for kind, run in compared if kind in LIKE_OWN]
+    hazard, attributes = find_hazard(settings, values, counted, ahead, floor, numbers, others)
     attributes = {
         "mine": settings.mine,
         "plan": settings.plan,

@@ -20,6 +20,7 @@ from catalogs.sources.openings import NEVER, Mining
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
 from common.pages import page_templates
+from plans.comparisons import Comparisons
 from plans.layout import ANY, PlanSummary, read_outcome
 from plans.sentences import interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
@@ -62,7 +63,7 @@ def write_report(
         classes = list(plan.outcome["size"].values), [float(one) for one in plan.outcome["distance"].values]
         if classes != (list(settings.hazard.sizes), list(settings.hazard.distances)):
             raise InputError(f"plans: {plan.name} was made with other classes of size or distance; run it again")
-    hazard = settings.hazard
+    hazard, comparisons = settings.hazard, Comparisons(plans)
     with style.applied():
         figures = {"map": draw_plans(plans, grid), "course": draw_course(plans)}
         pictures = {name: style.save(figure, page.parent / f"{name}.svg") for name, figure in figures.items()}
@@ -83,7 +84,8 @@ def write_report(
             sizes=[(name, typeset(f"{value:g}")) for name, value in hazard.sizes.items()],
             distances=[f"{distance:g}" for distance in hazard.distances],
             matrices=[
-                {"plan": plan.name, "steps": step_range(plan.counted), "rows": matrix(plan, hazard)} for plan in plans
+                {"plan": plan.name, "steps": step_range(plan.counted), "rows": matrix(plan, hazard, comparisons)}
+                for plan in plans
             ],
             exposed=exposed_rows(plans, hazard),
             likelihoods=sorted((hazard.likelihoods or {}).items(), key=lambda one: one[1]),

@@ -1,36 +1,25 @@
-"""The record compared with the mine's own runs, and the factor that multiplies the numbers of a plan's runs.
-
-With a record the factor is the number recorded over that modelled in the recorded steps. It contains what the cells and
-the model get wrong in all steps alike. Steps differ, too: ln of the ratio scatters about its mean mu with a standard
-deviation tau, whose prior is half-normal with STEP_SCATTER. A step that is ahead has its own scatter. Without a record
-the factor is 1, and uncertain by what cells of twice the size change. Rock of the posterior multiplies either.
-"""
+"""The steps that a record covers, and numbers of recorded events in these, with those of the mine's own runs."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.special import logsumexp
-from scipy.stats import norm
 
 from catalogs.compare.comparison import record_clusters
-from catalogs.compare.exposure import Exposure, common_period, window
-from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
+from catalogs.compare.exposure import DAY, Exposure, common_period, window
 from catalogs.records.times import parse_time
 from catalogs.settings import DatedStep
 from catalogs.sources.completeness import next_edge, rounding
-from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import log_potency
 from common.errors import InputError
-from plans.layout import COARSE, DRAW, LIKE_OWN, OWN
+from plans.layout import DRAW, LIKE_OWN, OWN
 from plans.runs import StepResult, read_run
 from plans.settings import OutcomeSlice
 
-STEP_SCATTER = 0.5  # Standard deviation of the half-normal prior of the scatter of ln ratio between steps.
-SCATTERS = np.linspace(0.0, 4.0 * STEP_SCATTER, 201)
+MONTH = 30.0  # days
 MIN_DRAWS = 3  # Draws of the rock that a spread needs.
 CHANCE, CELLS, RECORD, ROCK, RUNS, LAW = "chance", "cells", "record", "rock", "runs", "law"
 
@@ -42,7 +31,10 @@ class RecordedNumbers:
     recorded (step,); modelled (run, step): of the mine's own run and its members; draws (draw, step): of runs in rock
     of the posterior, and own: of the mine's own run, all steps, both from the shared floor on; dispersion_index:
     variance of the recorded number over its mean, at least 1; sizes (event,): log10 potency of the recorded ones, m3;
-    width: of the bins that these are rounded to; potency: of all recorded events of these steps, m3.
+    width: of the bins that these are rounded to; potency: of all recorded events of these steps, m3; days (step,): the
+    middle of each step, days since 1970, a month apart if not given; least_dispersion: the index by the times alone, if
+    known. Clusters may join what does not belong together, and times miss long sequences, so the truth is between the
+    two.
     """
 
     recorded: NDArray
@@ -53,6 +45,19 @@ class RecordedNumbers:
     sizes: NDArray
     width: float
     potency: float
+    days: NDArray | None = None
+    least_dispersion: float | None = None
+
+    @property
+    def middles(self) -> NDArray:
+        """Middle of each step (step,), days."""
+        return MONTH * np.arange(len(self.recorded)) if self.days is None else self.days
+
+    @property
+    def dispersion_bounds(self) -> tuple[float, float]:
+        """Bounds of the variance of the recorded number over its mean."""
+        least = self.dispersion_index if self.least_dispersion is None else self.least_dispersion
+        return min(least, self.dispersion_index), self.dispersion_index
 
 
 @dataclass(frozen=True)
@@ -86,10 +91,11 @@ class RecordedSteps:
         step = exposure.step(time) if self.steps else np.full(len(time), -1)
         counted = (self.record["resolved"].values == 1) & (step >= 0)
         used = counted & (sizes >= floor)
-        dispersion_index = 1.0
+        dispersion_index = least_dispersion = 1.0
         if used.any():
             clusters = record_clusters(self.record, used, step)
             dispersion_index = exposure.dispersion_index(time[used], clusters[used])
+            least_dispersion = exposure.dispersion_index(time[used], np.arange(used.sum()))  # each event by itself
 
         def table(kinds: Sequence[str], least: float) -> NDArray:
             rows = [
@@ -108,6 +114,8 @@ class RecordedSteps:
             sizes[used],
             rounding(sizes),
             float(np.nansum(self.record["potency"].values[counted])),
+            middles(self.steps),
+            least_dispersion,
         )
 
 
@@ -126,6 +134,12 @@ def read_recorded(settings: OutcomeSlice, record: xr.Dataset, comparison: xr.Dat
         [[run[number] for number in covered] for run in runs],
         [run.kind for run in settings.recorded_runs],
     )
+
+
+def middles(steps: Sequence[DatedStep]) -> NDArray:
+    """Middle of each dated step (step,), days since 1970."""
+    windows = np.array([window(step.model_dump()) for step in steps], "datetime64[ns]").reshape(-1, 2)
+    return (windows.astype(np.int64) / DAY.astype(np.int64)).mean(axis=1)
 
 
 def last_event(record: xr.Dataset) -> np.datetime64:
@@ -174,120 +188,3 @@ def is_covered(record: xr.Dataset, step: DatedStep) -> bool:
         if start < first or end > last:
             return False
     return bool(end <= max(until, last_event(record) + mean_wait(record)))
-
-
-@dataclass(frozen=True)
-class Factors:
-    """Draws of the factor: ln of the part that all steps share (draw,) and of that of each step (step, draw).
-
-    contains, lacks: those of CHANCE, CELLS, RECORD, ROCK and RUNS that it does; text: a sentence, empty without record.
-    """
-
-    common: NDArray
-    own: NDArray
-    contains: tuple[str, ...]
-    lacks: tuple[str, ...]
-    text: str = ""
-
-    def of(self, period: NDArray, number: NDArray) -> NDArray:
-        """The factor (draw,) of a period (step,) bool; number (step,): events by which its steps are weighed."""
-        weights = number[period] + 1e-9  # without an event all steps weigh alike
-        return np.exp(self.common) * ((weights / weights.sum()) @ np.exp(self.own[period]))
-
-
-def find_factors(
-    settings: OutcomeSlice,
-    values: Mapping[str, NDArray],
-    recorded: RecordedNumbers | None,
-    counted: NDArray,
-    draws: int,
-    generator: np.random.Generator,
-) -> Factors:
-    """The factor of a plan; values: results of its runs (plans.layout); counted (step,): the steps that it is for."""
-    kinds = np.array([run.kind for run in settings.runs])
-    shared = values["shared_number"][:, counted].sum(axis=1)
-    steps = len(settings.steps)
-    common, own = np.zeros(draws), np.zeros((steps, draws))
-    contains, lacks, text = [CHANCE], [], ""
-    if np.sum(~np.isnan(values["number"][:, 0, 0])) < 2:
-        lacks.append(RUNS)
-    if recorded is not None and recorded.modelled.any() and recorded.recorded.size:
-        ratio = step_ratios(recorded)
-        common, tau = draw_ratio(*ratio, draws, generator)
-        own = tau * generator.standard_normal((steps, draws))
-        contains.append(RECORD)
-        text = ratio_text(recorded, common)
-    elif (kinds == COARSE).any():
-        change = abs(np.log((shared[kinds == OWN][0] + 0.5) / (shared[kinds == COARSE][0] + 0.5)))
-        half = max(SAFETY_FACTOR * change, np.log1p(MIN_ERROR_SHARE))
-        common = half / norm.ppf(INTERVAL_95[1]) * generator.standard_normal(draws)
-        contains.append(CELLS)
-    else:
-        lacks += [CELLS, RECORD]
-    rock = _rock(shared[kinds == DRAW], shared[kinds == OWN][0], recorded if RECORD in contains else None)
-    if rock is not None:
-        shift, deviation, freedom = rock
-        common = common + shift + deviation * generator.standard_t(freedom, draws)
-        contains.append(ROCK)
-    else:
-        lacks.append(ROCK)
-    return Factors(common, own, tuple(contains), tuple(lacks), text)
-
-
-def _rock(draws: NDArray, own: float, recorded: RecordedNumbers | None) -> tuple[float, float, int] | None:
-    """Mean and standard deviation of ln of the number (draw,) over that of the mine's own rock, for one more draw, and
-    degrees of freedom. With a record: those of this ratio over the ratio of the recorded steps. Numbers count from the
-    shared floor on."""
-    if len(draws) < MIN_DRAWS:
-        return None
-    values = np.log((draws + 0.5) / (own + 0.5))
-    if recorded is not None:
-        if len(recorded.draws) != len(draws):
-            return None
-        # the record's ratio is that of the mine's own rock: other rock makes both, the plan and the recorded steps
-        values -= np.log((recorded.draws.sum(axis=1) + 0.5) / (recorded.own + 0.5))
-    return float(values.mean()), float(values.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(draws))), len(draws) - 1
-
-
-def step_ratios(recorded: RecordedNumbers) -> tuple[NDArray, NDArray]:
-    """ln of recorded over modelled number of each step (step,), and its variance by chance; half an event more each.
-
-    The variance is that of the number which the ratio of all steps makes expected: by its own number, a step with few
-    events would count less because they are few.
-    """
-    number, modelled = recorded.recorded + 0.5, recorded.modelled.sum(axis=0) + 0.5
-    mean = modelled / len(recorded.modelled)
-    expected = mean * number.sum() / mean.sum()
-    return np.log(number / mean), recorded.dispersion_index / expected + 1.0 / modelled
-
-
-def draw_ratio(
-    value: NDArray, variance: NDArray, draws: int, generator: np.random.Generator
-) -> tuple[NDArray, NDArray]:
-    """Draws of the mean mu (draw,) and scatter tau (draw,) of values (step,) that have these variances by chance.
-
-    Value_j is normal about mu with the variance tau^2 + v_j. The prior of mu is uniform, that of tau half-normal.
-    """
-    total = SCATTERS[:, None] ** 2 + variance
-    weight = 1.0 / total
-    mean = (weight * value).sum(axis=1) / weight.sum(axis=1)
-    log_posterior = -0.5 * (
-        np.log(total).sum(axis=1)
-        + np.log(weight.sum(axis=1))
-        + (weight * (value - mean[:, None]) ** 2).sum(axis=1)
-        + (SCATTERS / STEP_SCATTER) ** 2
-    )
-    index = generator.choice(len(SCATTERS), draws, p=np.exp(log_posterior - logsumexp(log_posterior)))
-    spread = np.sqrt(1.0 / weight.sum(axis=1))[index]
-    return mean[index] + spread * generator.standard_normal(draws), SCATTERS[index]
-
-
-def ratio_text(recorded: RecordedNumbers, common: NDArray) -> str:
-    """State the number of events recorded for each modelled one, in a sentence."""
-    low, middle, high = np.exp(np.quantile(common, [INTERVAL_95[0], 0.5, INTERVAL_95[1]]))
-    steps = len(recorded.recorded)
-    return (
-        f"In {steps} recorded step{'s' * (steps != 1)} {recorded.recorded.sum():.0f} events are recorded and "
-        f"{recorded.modelled.mean(axis=0).sum():.0f} modelled. Numbers of the plans are multiplied by {middle:.2g} "
-        f"({low:.2g} to {high:.2g})"
-    )

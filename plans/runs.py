@@ -48,14 +48,29 @@ def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str, has_states: b
     """
     results = []
     for path, step in zip(_checked(run, "events", steps), steps, strict=True):
-        events = check_events(read_dataset(path), path)
-        has = events.attrs.get("mine"), events.attrs.get("step", step.name)
-        if has != (mine, step.name):
-            raise InputError(f"{path}: events of step {has[1]} of mine {has[0]}, not of {step.name} of {mine}")
-        is_resolved, potency = events["resolved"].values == 1, events["potency"].values
-        location = events["location"].values[is_resolved]
-        results.append(StepResult(potency[is_resolved], location, _log_floor(events.attrs), float(potency.sum())))
+        name, result = _read_step(path, mine, step.name)
+        if name != step.name:
+            raise InputError(f"{path}: events of step {name} of mine {mine}, not of {step.name} of {mine}")
+        results.append(result)
     return _with_states(results, run, steps, mine) if has_states else results
+
+
+def read_steps(run: RunFiles, mine: str) -> list[StepResult]:
+    """Results of a run in the steps that it lists, without states. Raises InputError for files of another mine."""
+    return [_read_step(path, mine)[1] for path in run.events]
+
+
+def _read_step(path: str, mine: str, default: str = "") -> tuple[str, StepResult]:
+    """Name of a step and its result, of a file of events; default: the name where the file has none.
+
+    Raises InputError for another mine."""
+    events = check_events(read_dataset(path), path)
+    name = str(events.attrs.get("step", default))
+    if events.attrs.get("mine") != mine:
+        raise InputError(f"{path}: events of step {name} of mine {events.attrs.get('mine')}, not of {mine}")
+    is_resolved, potency = events["resolved"].values == 1, events["potency"].values
+    location = events["location"].values[is_resolved]
+    return name, StepResult(potency[is_resolved], location, _log_floor(events.attrs), float(potency.sum()))
 
 
 def _with_states(
@@ -81,17 +96,6 @@ def _checked(run: RunFiles, kind: str, steps: Sequence[DatedStep]) -> tuple[str,
     if len(files) != len(steps):
         raise InputError(f"plans: a run ({run.kind}) has {kind} of {len(files)} steps, and {len(steps)} are dated")
     return files
-
-
-def run_floor(run: RunFiles, mine: str) -> float:
-    """Largest floor (log10 m3) of the steps of a run; NaN if nothing failed. Raises InputError for another mine."""
-    floors = [np.nan]
-    for path in run.events:
-        attributes = read_dataset(path, names=()).attrs
-        if attributes.get("mine") != mine:
-            raise InputError(f"{path}: events of mine {attributes.get('mine')}, not of {mine}")
-        floors.append(_log_floor(attributes))
-    return float(np.fmax.reduce(floors))
 
 
 def _log_floor(attributes: Mapping) -> float:

@@ -11,7 +11,7 @@ Attributes: mine, sentences (JSON: all of it in words, for the report), and thos
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +43,8 @@ KNOWN = "known"  # The record reached the beginning of the step when the forecas
 MINED_OTHERWISE = "mined otherwise"
 NO_FLOOR = "no floor"  # No event in the runs of the plan says from which size on events count.
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
+MAX_MORE_DIGITS = 6  # Digits more than a sentence needs otherwise.
+ROUNDING_ERROR = 1e-9  # of a floating-point number that stands for a decimal one
 MIN_PROBABILITY = 1e-4  # Smaller probabilities count as this in the logarithmic score.
 
 
@@ -389,13 +391,11 @@ def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
     )
     low, high, middle, recorded = quantities["potency"]
     if np.isfinite(middle):
-        yield (
-            f"Potency: {number(low)} to {number(high)} m³ (median {number(middle)}); {number(recorded)} m³ recorded, "
-            f"{within[1]}."
-        )
+        texts = _consistent(low, high, recorded, bool(part["inside"].values[1]), _by_digits)
+        yield (f"Potency: {texts[0]} to {texts[1]} m³ (median {number(middle)}); {texts[2]} m³ recorded, {within[1]}.")
         low, high, middle, recorded = quantities["largest"]
-        ends = f"{_size(low)} to {_size(high)} (median {_size(middle)})"
-        yield f"Largest event: {ends}; {_size(recorded)} recorded, {within[2]}."
+        texts = _consistent(low, high, recorded, bool(part["inside"].values[2]), _by_decimals)
+        yield f"Largest event: {texts[0]} to {texts[1]} (median {_size(middle)}); {texts[2]} recorded, {within[2]}."
     gain = float(part["gain"])
     if np.isfinite(gain):
         yield (
@@ -407,8 +407,40 @@ def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
         yield _chances(*(scores[name].values[own] for name in ("forecast_probability", "occurred", "rate_probability")))
 
 
-def _size(size: float) -> str:
-    return typeset(f"log P {size:.1f}") if np.isfinite(size) else "none"
+def _size(size: float, decimals: int = 1) -> str:
+    return typeset(f"log P {size + 0.0:.{decimals}f}") if np.isfinite(size) else "none"
+
+
+Rounding = Callable[[float, int, Callable[[float], float]], tuple[float, str]]
+
+
+def _by_decimals(size: float, digits: int, rounded: Callable[[float], float]) -> tuple[float, str]:
+    """A size (log10 m3) rounded to one decimal at least, and its text."""
+    scale = 10.0 ** (digits + 1)
+    value = float(rounded(size * scale) / scale) if np.isfinite(size) else size
+    return value, _size(value, digits + 1)
+
+
+def _by_digits(value: float, digits: int, rounded: Callable[[float], float]) -> tuple[float, str]:
+    """A positive number rounded to three significant digits at least, and its text."""
+    if value <= 0.0 or not np.isfinite(value):
+        return value, number(value)
+    scale = 10.0 ** (digits + 2 - np.floor(np.log10(value)))
+    value = float(rounded(value * scale) / scale)
+    return value, number(value, digits + 3)
+
+
+def _consistent(low: float, high: float, recorded: float, inside: bool, rounding: Rounding) -> tuple[str, str, str]:
+    """Ends of a range, rounded outward, and what is recorded, with as many digits as show whether it is inside."""
+    for digits in range(MAX_MORE_DIGITS + 1):
+        ends = (
+            rounding(low, digits, lambda one: np.floor(one + ROUNDING_ERROR)),
+            rounding(high, digits, lambda one: np.ceil(one - ROUNDING_ERROR)),
+        )
+        value = rounding(recorded, digits, np.round)
+        if (ends[0][0] <= value[0] <= ends[1][0]) == inside:
+            break
+    return ends[0][1], ends[1][1], value[1]
 
 
 def _chances(forecast_probability: NDArray, occurred: NDArray, rate_probability: NDArray) -> str:

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
-from plans.differences import NUMBER, POTENCY, Difference, compare_plans, steps_with_other_runs
+from plans.comparisons import Comparisons
+from plans.differences import MIN_RUNS, NUMBER, POTENCY, Difference
 from plans.layout import ANY, COARSE, DRAW, PlanSummary
-from plans.record import CELLS, CHANCE, LAW, RECORD, ROCK
+from plans.record import CELLS, CHANCE, LAW, RECORD, ROCK, RUNS
 from plans.settings import HazardSettings
 
 # Uncertainties that an interval contains (plans.record), in words.
@@ -24,15 +24,16 @@ IN_WORDS = {
 }
 SMALLEST_CHANCE, LARGEST_CHANCE = 1e-4, 0.999  # Chances beyond are written as less or more than these.
 MAX_NAMED = 4
-MIN_MEMBERS = MIN_RUNS_FOR_VARIANCE - 1  # in addition to the own run
 
 
 def ratio_text(difference: Difference) -> str:
     """A ratio with its interval, as a table shows it."""
     if difference.is_shared:
         return "the same runs"
-    if not np.isfinite(difference.interval).any():
+    if difference.is_empty:
         return DASH
+    if not np.isfinite(difference.interval).any():
+        return number(difference.value, 2)
     interval = between(difference.interval, partial(number, digits=2))
     return f"{number(difference.value, 2)} ({interval})"
 
@@ -100,26 +101,22 @@ def frequency_text(chance: float, number_a_year: float) -> str:
     return f"about {number(number_a_year, 2)} a year" if chance > LARGEST_CHANCE else ""
 
 
-def differing_steps(plan: PlanSummary, first: PlanSummary) -> tuple[list[str], list[str]]:
-    """Steps of a plan, and steps of the first one, whose runs differ between the two plans."""
-    return steps_with_other_runs(plan.outcome, first.outcome), steps_with_other_runs(first.outcome, plan.outcome)
-
-
 def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
     """The first sentences of the page: differences, places of potency, chances of large events."""
-    first = plans[0]
+    comparisons = Comparisons(plans)
+    first = comparisons.first
     means = first.means(first.steps)
-    lines = [_comparison(plan, first) for plan in plans[1:]] or [
+    lines = [_comparison(plan, comparisons) for plan in plans[1:]] or [
         f"{first.name} makes {count(means.number)} events in {step_range(first.steps)}: {number(means.potency)} m³ of "
         "potency."
     ]
     lines.append(" ".join(_where(plan) for plan in plans))
-    return [*lines, *_chances(plans, settings)]
+    return [*lines, *_chances(comparisons, settings)]
 
 
-def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
+def _comparison(plan: PlanSummary, comparisons: Comparisons) -> str:
     """Compare a plan with the first one."""
-    steps = differing_steps(plan, first)
+    first, steps = comparisons.first, comparisons.steps(plan)
     if not steps[0] and not steps[1]:
         return f"{plan.name} and {first.name} are the same runs."
     if not steps[0] or not steps[1]:
@@ -129,14 +126,14 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
             f"{longer.name} mines as {shorter.name} does, and goes on with {step_range(more)}: {count(means.number)} "
             f"events, {number(means.potency)} m³ of potency."
         )
-    potency, events = (compare_plans(plan.outcome, first.outcome, quantity, steps) for quantity in (POTENCY, NUMBER))
+    potency, events = (comparisons.whole(plan, quantity) for quantity in (POTENCY, NUMBER))
     means = plan.means(steps[0])
     if means.number and not first.means(steps[1]).number:
         return (
             f"{first.name} makes nothing in {step_range(steps[1])}; {plan.name} makes {count(means.number)} events, "
             f"{number(means.potency)} m³ of potency, in {step_range(steps[0])}: {_verdict(events)}."
         )
-    if not np.isfinite(potency.interval).any():
+    if potency.is_empty:
         return f"Neither {plan.name} nor {first.name} makes anything in the steps that differ."
     text = (
         f"{plan.name} releases {_ratio(potency)} the potency of {first.name}{_interval(potency)}: {_verdict(potency)}. "
@@ -151,6 +148,8 @@ def _comparison(plan: PlanSummary, first: PlanSummary) -> str:
 def _verdict(difference: Difference) -> str:
     """The verdict of a difference within a sentence."""
     text = difference.verdict
+    if RUNS in difference.lacks:
+        return f"{text}, since a difference needs {MIN_RUNS} runs of each plan"
     if text.startswith("larger"):
         return f"a difference {text}"
     return f"a {text}" if text.startswith("difference") else text
@@ -179,10 +178,11 @@ def _where(plan: PlanSummary) -> str:
     return text + "."
 
 
-def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
-    """Chance of an event of the largest class near an opening, plan by plan."""
-    if not settings.sizes:
-        return []
+def _chances(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
+    """Chance of an event of the largest class near an opening, plan by plan, and its ratio to that of the first."""
+    plans = comparisons.plans
+    if not settings.sizes or any(plan.runs < MIN_RUNS for plan in plans):
+        return []  # of too few runs `missing` says so
     size, magnitude = list(settings.sizes.items())[-1]
     distance = settings.distances[0]
     chances = []
@@ -192,7 +192,8 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
             parts = [
                 f"{plan.name} {chance_with_interval(chance, interval)}",
                 frequency_text(chance, plan.yearly_number(ANY, distance, size)),
-                settings.likelihood(chance),
+                settings.likelihood(comparisons.class_chance(plan, distance, size)),
+                _chance_ratio(plan, comparisons, distance, size),
             ]
             chances.append(f"{', '.join(filter(None, parts))} (at the rate of {step_range(plan.counted)})")
     if not chances and any(plan.outcome.attrs["law_source"] != "none" for plan in plans):
@@ -205,21 +206,20 @@ def _chances(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str
     ]
 
 
-def _differences(plans: Sequence[PlanSummary]) -> list[Difference]:
-    """Number and potency of each plan against the first one, in the steps that differ."""
-    pairs = [(plan, differing_steps(plan, plans[0])) for plan in plans[1:]]
-    return [
-        compare_plans(plan.outcome, plans[0].outcome, quantity, steps)
-        for plan, steps in pairs
-        if all(steps)
-        for quantity in (NUMBER, POTENCY)
-    ]
+def _chance_ratio(plan: PlanSummary, comparisons: Comparisons, distance: float, size: str) -> str:
+    """The ratio of a plan's chance to that of the first plan, with its verdict; empty for the first."""
+    if plan is comparisons.first:
+        return ""
+    ratio = comparisons.chance(plan, distance, size)
+    if ratio.is_shared or ratio.is_empty:
+        return ""
+    return f"{_ratio(ratio)} that of {comparisons.first.name}{_interval(ratio)}: {_verdict(ratio)}"
 
 
 def interval_contents(plans: Sequence[PlanSummary]) -> str:
     """State the uncertainties that intervals of ratios and of chances contain, in a sentence each."""
-    ratios = [set(one.contains) for one in _differences(plans)]
-    chances = [set(json.loads(plan.outcome.attrs["contains"])) for plan in plans]
+    ratios = [set(one.contains) for one in Comparisons(plans).every() if CHANCE in one.contains]
+    chances = [set(json.loads(plan.outcome.attrs["contains"])) for plan in plans if plan.runs >= MIN_RUNS]
     lines = []
     for what, held in (("ratios", ratios), ("chances", chances)):
         words = [word for name, word in IN_WORDS.items() if held and name in set.intersection(*held)]
@@ -235,21 +235,17 @@ def _listed(words: Sequence[str]) -> str:
 def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
     """State the uncertainties that intervals lack, and the key of the mine file that adds each."""
     lines = []
-    if any(plan.members == 0 for plan in plans):
+    if (runs := min(plan.runs for plan in plans)) < MIN_RUNS:
         lines.append(
-            "Each plan has one run. Intervals then assume that its events are independent, which is the least that "
-            f"chance can do. Set ensemble to {MIN_MEMBERS} or more to measure the chance."
-        )
-    elif any(plan.members < MIN_MEMBERS for plan in plans):
-        lines.append(
-            f"The ensemble is too small to measure how the runs differ. Set ensemble to {MIN_MEMBERS} or more."
+            f"Each plan has {plural(runs, 'run')}, too few to say how another run would differ. Plans with fewer than "
+            f"{MIN_RUNS} runs get no interval, no verdict and no chance. Set hazard.runs to {MIN_RUNS} or more."
         )
     if not all(plan.has_runs(COARSE) for plan in plans):
         lines.append(
             "Intervals do not contain what the cells change, since a plan has no run on cells of twice the size "
             "(grid_convergence)."
         )
-    elif any(CELLS in one.lacks for one in _differences(plans)):
+    elif any(CELLS in one.lacks for one in Comparisons(plans).every()):
         lines.append(
             "Intervals of ratios do not contain what the cells change, since a plan makes nothing on cells of twice "
             "the size that could be compared."

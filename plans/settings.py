@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from catalogs.settings import DatedStep
-from common.setting_types import AsTuple, Settings, Unit, real_number, refusal, refuse
+from common.setting_types import AsTuple, Settings, Unit, real_number, refusal, refuse, whole_number
 
 Label = Annotated[str, Field(min_length=1, max_length=40)]
 Distance = Annotated[float, Unit("m", gt=0, le=1e5)]
@@ -26,6 +26,9 @@ class HazardSettings(Settings):
     """Least chance per year of the classes of likelihood, by name: {rare: 0, unlikely: 0.01, likely: 0.5}. One of them
     begins at 0."""
 
+    runs: whole_number(ge=1, le=1001) = 5
+    """Least number of runs of each plan: its own and those of an ensemble. `snakemake plans` adds runs where `ensemble`
+    has fewer. Plans with fewer than 5 runs get no interval, no verdict and no chance."""
     rock: Literal["mine_file", "posterior"] = "mine_file"
     """Rock of the plans. `posterior`: each plan is also run in the rocks that the calibration has drawn, so that the
     intervals contain what the calibration leaves open. `snakemake calibrate` must have run before."""

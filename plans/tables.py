@@ -11,12 +11,12 @@ from catalogs.report.text import DASH, between, fixed, number, typeset
 from catalogs.settings import ALL_STEPS
 from catalogs.sources.jackknife import INTERVAL_95
 from common.datasets import atomic_path
-from plans.differences import NUMBER, POTENCY, Difference, compare_plans
+from plans.comparisons import Comparisons, PartDifference
+from plans.differences import NUMBER, POTENCY
 from plans.layout import ANY, PlanSummary, RunMeans
 from plans.sentences import (
     chance_with_interval,
     count,
-    differing_steps,
     frequency_text,
     listed_names,
     ratio_text,
@@ -47,7 +47,7 @@ def mean_cells(plan: PlanSummary, means: RunMeans) -> dict[str, str]:
 
 def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
     """One row for each plan: all of its steps, and its ratios to the first plan in the steps that differ."""
-    rows = []
+    rows, comparisons = [], Comparisons(plans)
     for plan in plans:
         means, mined = plan.means(plan.steps), plan.mined(plan.steps)
         row: dict[str, object] = {
@@ -59,30 +59,30 @@ def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
             "per_volume": number(1000.0 * means.potency / mined) if mined > 0.0 else DASH,
             **mean_cells(plan, means),
         }
-        steps = differing_steps(plan, plans[0])
         row |= {"number_ratio": DASH, **NOT_COMPARED}
-        if plan is not plans[0]:
-            more, fewer = step_range(steps[0]), step_range(steps[1])
-            row["verdict"] = f"goes on with {more}" if more else f"lacks {fewer}" if fewer else "the same runs"
+        if plan is plans[0]:
+            rows.append(row)
+            continue
+        steps = comparisons.steps(plan)
+        more, fewer = step_range(steps[0]), step_range(steps[1])
+        row["verdict"] = f"goes on with {more}" if more else f"lacks {fewer}" if fewer else "the same runs"
         if all(steps):
-            events, potency = (compare_plans(plan.outcome, plans[0].outcome, one, steps) for one in (NUMBER, POTENCY))
-            row |= {"number_ratio": ratio_text(events), "potency_ratio": ratio_text(potency)} | _verdict_cells(potency)
+            events, potency = (comparisons.whole(plan, one) for one in (NUMBER, POTENCY))
+            row |= {"number_ratio": ratio_text(events), "potency_ratio": ratio_text(potency)}
+            row |= {"verdict": potency.verdict, "differs": potency.is_significant}
         rows.append(row)
     return rows
 
 
-def _verdict_cells(difference: Difference) -> dict:
-    return {"verdict": difference.verdict, "differs": difference.is_significant}
-
-
 def _comparison_cells(
-    plan: PlanSummary, first: PlanSummary, steps: tuple[Sequence[str], Sequence[str]], opening: str
+    plan: PlanSummary, comparisons: Comparisons, steps: tuple[Sequence[str], Sequence[str]], opening: str
 ) -> dict[str, object]:
     """Cells that compare the potency of a plan with that of the first one, in steps of each near an opening."""
+    first = comparisons.first
     if plan is first or not all(steps) or opening not in [*first.openings, ANY]:
         return dict(NOT_COMPARED)
-    difference = compare_plans(plan.outcome, first.outcome, POTENCY, steps, opening)
-    return {"potency_ratio": ratio_text(difference)} | _verdict_cells(difference)
+    part: PartDifference = comparisons.part(plan, steps, opening)
+    return {"potency_ratio": ratio_text(part.difference), "verdict": part.verdict, "differs": part.differs}
 
 
 def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[dict]:
@@ -91,7 +91,7 @@ def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[di
     The chance is that of the largest class within the smallest distance of any opening, while the step lasts.
     """
     start = {step: plan.dates(step)[0] for plan in plans for step in plan.steps}
-    rows = []
+    rows, comparisons = [], Comparisons(plans)
     sizes = list(settings.sizes)
     for step in sorted(start, key=lambda one: start[one]):
         mining = [plan for plan in plans if step in plan.steps]
@@ -109,7 +109,9 @@ def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[di
                     else "",
                     "plan": plan.name,
                     **mean_cells(plan, plan.means([step])),
-                    **_comparison_cells(plan, plans[0], ([step], [one for one in plans[0].steps if one == step]), ANY),
+                    **_comparison_cells(
+                        plan, comparisons, ([step], [one for one in plans[0].steps if one == step]), ANY
+                    ),
                 }
             )
     return rows
@@ -122,7 +124,7 @@ def opening_rows(plans: Sequence[PlanSummary]) -> list[dict]:
         for opening in plan.openings:
             potency[opening] = max(potency.get(opening, 0.0), plan.means(plan.steps, opening).potency)
     shown = sorted((one for one in potency if potency[one] > 0.0), key=lambda one: -potency[one])[:MAX_OPENINGS]
-    rows = []
+    rows, comparisons = [], Comparisons(plans)
     for opening in (one for one in potency if one in shown):
         mining = [plan for plan in plans if opening in plan.openings]
         for place, plan in enumerate(mining):
@@ -132,15 +134,21 @@ def opening_rows(plans: Sequence[PlanSummary]) -> list[dict]:
                     "plan": plan.name,
                     "step": plan.mined_in(opening) or "before",
                     **mean_cells(plan, plan.means(plan.steps, opening)),
-                    **_comparison_cells(plan, plans[0], differing_steps(plan, plans[0]), opening),
+                    **_comparison_cells(
+                        plan, comparisons, comparisons.steps(plan) if plan is not plans[0] else ([], []), opening
+                    ),
                 }
             )
     return rows
 
 
-def matrix(plan: PlanSummary, settings: HazardSettings) -> list[dict]:
-    """Rows of a plan's risk matrix: classes of size, the largest first; each has a cell for every distance."""
-    rows = []
+def matrix(plan: PlanSummary, settings: HazardSettings, comparisons: Comparisons | None = None) -> list[dict]:
+    """Rows of a plan's risk matrix: classes of size, the largest first; each has a cell for every distance.
+
+    comparisons: of the plan with others; without it the plan stands alone. `ratio` of a cell: the chance per year over
+    that of the first plan. Plans that are not told apart share a class.
+    """
+    rows, comparisons = [], comparisons or Comparisons([plan])
     for size, magnitude in reversed(settings.sizes.items()):
         cells = []
         for distance in settings.distances:
@@ -150,7 +158,12 @@ def matrix(plan: PlanSummary, settings: HazardSettings) -> list[dict]:
                 {
                     "yearly": chance_with_interval(chance, interval),
                     "often": frequency_text(chance, plan.yearly_number(ANY, distance, size)),
-                    "likelihood": settings.likelihood(chance) if np.isfinite(chance) else "",
+                    "likelihood": settings.likelihood(comparisons.class_chance(plan, distance, size))
+                    if np.isfinite(chance)
+                    else "",
+                    "ratio": ratio_text(comparisons.chance(plan, distance, size))
+                    if plan is not comparisons.first and np.isfinite(chance)
+                    else "",
                     "whole": chance_with_interval(*whole_plan),
                     "shade": round(float(np.clip(chance, 0.0, 1.0)) ** 0.5, 2) if np.isfinite(chance) else 0.0,
                 }

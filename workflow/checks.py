@@ -457,16 +457,24 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
         return
     if not mine.dated_steps:
         raise InputError("ensemble: no step has dates, hence no catalogue to show the spread of; set it to 0")
+    if reason := why_members_are_alike(mine):
+        raise InputError(f"ensemble: {reason}, or ensemble to 0")
+
+
+def why_members_are_alike(mine: Mine) -> str:
+    """Reason why all members of an ensemble would be the same, and what to set, as the beginning of a line; empty if
+    they would differ."""
     bodies = {"host", *(body.material for body in mine.settings.rock_bodies)}
     if not any(can_fail(mine.settings.materials[name]) for name in bodies):
-        raise InputError("ensemble: no rock can fail (materials), so all members are the same; set it to 0")
+        return "no rock can fail (materials), so all members are the same; give a material that can"
     if mine.settings.solver.increments == 1:
         is_draft = mine.settings.accuracy == DRAFT
         said = "accuracy: draft has made 1 of solver.increments" if is_draft else "solver.increments is 1"
-        raise InputError(
-            f"ensemble: members differ by the increments in which they mine rock, and {said}; set that to "
-            f"{3 if is_draft else 2} or more, or ensemble to 0"
+        return (
+            f"members differ by the increments in which they mine rock, and {said}; set that to "
+            f"{3 if is_draft else 2} or more"
         )
+    return ""
 
 
 def _check_compression(mine: Mine, mistakes: Mistakes) -> None:

@@ -113,7 +113,7 @@ class Folders:
             return self._home(place, stage)
         if self.plans and place != self.mine.name and self.plan_of(place):
             earlier = [MINE_FILE_PLAN, *self.plans.others[: self.plans.others.index(self.plan_of(place))]]
-            has_it = not part.startswith(ENSEMBLE) or int(part.split("/")[1]) <= self.mine.members
+            has_it = not part.startswith(ENSEMBLE) or int(part.split("/")[1]) <= self.mine.plan_members
             for plan in earlier if has_it else ():
                 same = f"{self.place_of(plan)}/{part}".rstrip("/")
                 if self._is_alike(folder, same, stage):

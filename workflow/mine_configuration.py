@@ -123,6 +123,11 @@ class MineConfiguration:
         """Number of perturbed members that run besides the mine's own run; 0 for a member."""
         return 0 if self.perturbation else self.settings.ensemble
 
+    @property
+    def plan_members(self) -> int:
+        """Number of perturbed members that each plan of the mine runs: as many as hazard.runs asks for at least."""
+        return 0 if self.perturbation else max(self.members, self.settings.hazard.runs - 1)
+
     def member(self, number: int) -> Self:
         """A member of the ensemble: its steps and events are its own, grid and elastic state are the mine's."""
         member = copy.copy(self)

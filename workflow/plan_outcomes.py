@@ -4,12 +4,15 @@ import os
 import sys
 from pathlib import Path
 
+from common.costs import cost_of
 from common.result_folders import COARSE, DRAWN_ROCK, ENSEMBLE, PLANS
 from workflow.calibration_trials import ROCK_DRAWS
+from workflow.checks import why_members_are_alike
 from workflow.mine_settings import MINE_FILE_PLAN
 from workflow.result_files import ResultFiles
 
 OUTCOME = "outcome.nc"
+COARSE_RUN = "coarse"  # kind of a run on cells of twice the size
 POSTERIOR = "posterior"
 # Sections of a mine file that runs depend on, beside the sequence.
 ROCK_AND_CELLS = (
@@ -42,6 +45,7 @@ class PlanOutcomes:
         self.folders = files.folders
         self.mine = files.mine
         self.mine_file = Path(os.path.relpath(mine_file))
+        self._has_told = False
 
     @property
     def checked_names(self) -> tuple[str, ...]:
@@ -51,6 +55,8 @@ class PlanOutcomes:
             sys.exit(f"{self.mine_file}: steps: none has dates; plans are compared by dated steps")
         if mine.dimension != 3:
             sys.exit(f"{self.mine_file}: plane: {mine.plane}; plans need a mine in three dimensions, plane: none")
+        if mine.plan_members and (reason := why_members_are_alike(mine)):
+            sys.exit(f"{self.mine_file}: hazard.runs: {reason}, or hazard.runs to 1")
         for name, plan in mine.settings.plans.items():
             if plan.file is not None:
                 self._check_file(name)
@@ -86,15 +92,49 @@ class PlanOutcomes:
         return self.files.own(f"{PLANS}/{plan}/{OUTCOME}")
 
     def outcomes(self) -> list[str]:
-        """Results of all plans, in order."""
+        """Results of all plans, in order. Says once what they cost."""
+        if not self._has_told:
+            self._has_told = True
+            self.tell_cost()
         return [self.outcome(plan) for plan in self.checked_names]
+
+    def tell_cost(self) -> None:
+        """Print how many jobs of mechanics the plans need that are not made yet, and how long these take, to stderr.
+
+        Steps of the mine that have run say how long a step takes. Nothing is printed where no job is missing.
+        """
+        runs = [run for plan in self.checked_names for run in self.runs(plan)]
+        folders = [folder for kind, folder in runs if kind != COARSE_RUN]
+        steps = dict.fromkeys(
+            self.files.result(folder, f"steps/{step}")
+            for folder in folders
+            for step in self.folders.mine_at(folder).mined_steps
+        )
+        companions = [folder for kind, folder in runs if kind == COARSE_RUN]
+        missing = [path for path in steps if not Path(path).is_file()]
+        coarse = [folder for folder in companions if not Path(f"results/{folder}/catalog.nc").is_file()]
+        if not missing and not coarse:
+            return
+        logs = [f"logs/{self.mine.name}/steps/{step}.log" for step in self.mine.mined_steps]
+        known = [cost.seconds for log in logs if (cost := cost_of(log))]
+        time = "nothing is known of their time yet"
+        if known:
+            minutes = len(missing) * sum(known) / len(known) / 60.0
+            time = f"about {max(minutes, 1.0):.0f} minutes, as long as steps of {self.mine.name} took"
+        more = f", and {len(coarse)} runs on cells of twice the size" if coarse else ""
+        print(
+            f"{self.mine.name}: plans: {len(self.checked_names)} plans with {1 + self.mine.plan_members} runs each "
+            f"(hazard.runs, ensemble) need {len(missing)} more steps{more}: {time}",
+            file=sys.stderr,
+        )
 
     def runs(self, plan: str) -> list[tuple[str, str]]:
         """Kind (plans.settings.RunFiles) and folder of each run of a plan."""
         place, mine = self.folders.place_of(plan), self.mine
-        found = [("own", place), *(("member", f"{place}/{ENSEMBLE}/{number}") for number in range(1, mine.members + 1))]
+        members = range(1, mine.plan_members + 1)
+        found = [("own", place), *(("member", f"{place}/{ENSEMBLE}/{number}") for number in members)]
         if mine.has_companion:
-            found.append(("coarse", f"{place}/{COARSE}"))
+            found.append((COARSE_RUN, f"{place}/{COARSE}"))
         if mine.settings.hazard.rock == POSTERIOR:
             found += [("draw", f"{place}/{DRAWN_ROCK}/{number}") for number in range(1, ROCK_DRAWS + 1)]
         return found
@@ -151,8 +191,8 @@ class PlanOutcomes:
             "plan": plan,
             "steps": mine.comparison_slice()["steps"],
             "openings": mine.mined_openings(),
-            # names of likelihoods are read by the page alone
-            "hazard": {key: value for key, value in hazard.items() if key != "likelihoods"},
+            # names of likelihoods are read by the page alone, and `runs` names the runs
+            "hazard": {key: value for key, value in hazard.items() if key not in ("likelihoods", "runs")},
             "shear_modulus": self.mine.settings.materials["host"].shear_modulus,
             "runs": self._run_files(plan),
             **({"differs_in": differs} if differs else {}),
@@ -163,4 +203,5 @@ class PlanOutcomes:
 
     def report_slice(self) -> dict:
         """Settings that the page of the plans depends on, besides the outcomes of the plans."""
-        return {"mine": self.mine.name, "hazard": self.mine.settings.hazard.given()}
+        hazard = self.mine.settings.hazard.given()
+        return {"mine": self.mine.name, "hazard": {key: value for key, value in hazard.items() if key != "runs"}}

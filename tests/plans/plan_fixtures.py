@@ -112,6 +112,12 @@ def drawn_run(folder: Path, kind: str, seed: int, numbers: Sequence[float] = (40
     return write_run(folder, kind, [drawn_events(generator.poisson(mean), generator) for mean in numbers], **options)
 
 
+def drawn_ensemble(folder: Path, seed: int, numbers: Sequence[float] = (40, 25), **options) -> list[dict]:
+    """Files of a plan's own run and of four members, as many as a verdict needs."""
+    kinds = ["own", *["member"] * 4]
+    return [drawn_run(folder / str(n), kind, 100 * seed + n, numbers, **options) for n, kind in enumerate(kinds)]
+
+
 def outcome_slice(runs: Sequence[dict], plan: str = "as_planned", **others) -> OutcomeSlice:
     """The slice of a plan's outcome with these runs."""
     given = {

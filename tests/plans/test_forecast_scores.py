@@ -9,6 +9,7 @@ from plan_fixtures import (
     OPENINGS,
     STEPS,
     comparison_of,
+    drawn_ensemble,
     drawn_events,
     drawn_run,
     made_up_grid,
@@ -24,7 +25,20 @@ from common.errors import InputError
 from plans.layout import ANY
 from plans.outcome import make_outcome
 from plans.record import is_ahead, is_covered, known_until
-from plans.scores import KNOWN, MINED_OTHERWISE, NO_FLOOR, NOT_YET, SCORED, brier, log_score, score, sentences
+from plans.scores import (
+    KNOWN,
+    MINED_OTHERWISE,
+    NO_FLOOR,
+    NOT_YET,
+    SCORED,
+    _by_decimals,
+    _by_digits,
+    _consistent,
+    brier,
+    log_score,
+    score,
+    sentences,
+)
 from plans.settings import ScoreSlice
 
 GRID = made_up_grid()
@@ -34,9 +48,10 @@ THREE_MONTHS = ("2019-08-01", "2019-11-01")
 @pytest.fixture(scope="module")
 def forecast(tmp_path_factory):
     """Made with a record of August: September is ahead."""
-    run = drawn_run(tmp_path_factory.mktemp("forecast"), "own", 1)
-    recorded = {"recorded_steps": [STEPS[0].given()], "recorded_runs": [{**run, "events": run["events"][:1]}]}
-    return make_outcome(outcome_slice([run], **recorded), GRID, made_up_record(40, 2), comparison_of())
+    runs = drawn_ensemble(tmp_path_factory.mktemp("forecast"), 1)
+    first = [{**run, "events": run["events"][:1]} for run in runs]
+    recorded = {"recorded_steps": [STEPS[0].given()], "recorded_runs": first}
+    return make_outcome(outcome_slice(runs, **recorded), GRID, made_up_record(40, 2), comparison_of())
 
 
 def both_months(second: int, seed: int = 3):
@@ -316,3 +331,24 @@ def test_a_forecast_without_an_event_is_not_scored(forecast):
 def test_a_month_after_the_last_of_rare_events_is_not_covered():
     """The mean wait, 40 days, is longer than the rest of October; but October is ahead."""
     assert not is_covered(record_of("2019-08-18", "2019-09-27"), OCTOBER)
+
+
+@pytest.mark.parametrize(
+    ("ends", "recorded", "inside", "texts"),
+    [
+        ((0.42, 3.71), 3.74, False, ("log P 0.42", "log P 3.71", "log P 3.74")),
+        ((0.42, 3.71), 3.69, True, ("log P 0.4", "log P 3.8", "log P 3.7")),
+        ((0.42, 3.71), 4.2, False, ("log P 0.4", "log P 3.8", "log P 4.2")),
+        ((-np.inf, -0.04), -np.inf, True, ("none", "log P 0.0", "none")),
+        ((0.42, 3.71), 0.418, False, ("log P 0.420", "log P 3.710", "log P 0.418")),
+    ],
+)
+def test_a_range_and_what_is_recorded_agree_with_what_is_said_of_them(ends, recorded, inside, texts):
+    """The range is rounded outward, and what lies outside is shown outside."""
+    assert _consistent(*ends, recorded, inside, _by_decimals) == texts
+
+
+def test_a_potency_just_outside_is_shown_outside():
+    _, high, value = _consistent(12.34, 5678.1, 5684.0, False, _by_digits)
+    assert float(value.replace("\u202f", "")) > float(high.replace("\u202f", ""))
+    assert _consistent(0.0, 5678.1, 0.0, True, _by_digits)[2] == "0"

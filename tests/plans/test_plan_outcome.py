@@ -146,7 +146,7 @@ def test_files_of_other_mines_and_steps_are_refused(tmp_path):
         (outcome_slice([swapped]), "events of step 2019-09 of mine made_up, not of 2019-08"),
         (outcome_slice([{**run, "events": run["events"][:1]}]), "has events of 1 steps, and 2 are dated"),
         (outcome_slice([{**run, "states": run["states"][::-1]}]), "state of step 2019-09"),
-        (outcome_slice([run], mine="another"), "not of 2019-08 of another"),
+        (outcome_slice([run], mine="another"), "of mine made_up, not of another"),
         (outcome_slice([{**run, "kind": "member"}]), "give its own first, and once"),
         (outcome_slice([run], openings=[{"name": "shaft"}]), "the grid has no excavation shaft"),
         (outcome_slice([run], openings=[{"name": "drive", "step": "2020-01"}]), "which is no dated step of the plan"),

@@ -4,6 +4,7 @@ import pytest
 import yaml
 from tiny_mines import DEFAULT, FLAT, NEXT_STEP, TINY, box, changed, merged, write_mine
 
+from common.costs import Costs
 from common.errors import InputError
 from workflow.configuration import load
 from workflow.folders import Folders
@@ -108,7 +109,7 @@ def test_a_step_between_ends_what_is_shared(folders):
 
 def test_runs_of_a_plan_share_with_the_same_run_of_the_mine(folders):
     """A member with the member of its number, as far as the mine has it; the companion with the companion."""
-    found = folders({"longer": LONGER}, ensemble=2)
+    found = folders({"longer": LONGER}, ensemble=2, hazard={"runs": 1})
     last = ["steps/2019-09", "events/2019-09"]
     for run in ("ensemble/2", "coarse"):
         place = f"tiny/plans/longer/{run}"
@@ -191,7 +192,7 @@ def test_sections_in_which_a_file_differs_are_named(folders, tmp_path):
 
 def test_an_outcome_knows_the_runs_of_the_other_plans(folders, tmp_path):
     """Events that both have are not listed again; the files are inputs of the outcome."""
-    found = outcomes(folders({"longer": LONGER}, grid_convergence=True), tmp_path)
+    found = outcomes(folders({"longer": LONGER}, grid_convergence=True, hazard={"runs": 1}), tmp_path)
     compared = found.outcome_slice("mine_file")["compared_runs"]
     assert [(run["kind"], run["events"]) for run in compared] == [
         ("own", ["results/tiny/plans/longer/events/2019-09.nc"]),
@@ -200,6 +201,37 @@ def test_an_outcome_knows_the_runs_of_the_other_plans(folders, tmp_path):
     folders = {path.rpartition("/")[0] for run in compared for path in run["events"]}
     assert folders <= set(found.results("mine_file"))
     assert "compared_runs" not in found.outcome_slice("longer")
+
+
+@pytest.mark.parametrize(("values", "runs"), [({}, 5), ({"ensemble": 7}, 8), ({"hazard": {"runs": 2}}, 2)])
+def test_plans_have_the_runs_that_a_verdict_needs(folders, tmp_path, values, runs):
+    """Five without a word of it; a larger ensemble counts. Members of a plan share what the mine's members have."""
+    found = outcomes(folders({"longer": LONGER}, **values), tmp_path)
+    for plan, place in (("mine_file", "tiny"), ("longer", "tiny/plans/longer")):
+        kinds = [kind for kind, _ in found.runs(plan) if kind in ("own", "member")]
+        assert kinds == ["own", *["member"] * (runs - 1)]
+        assert found.runs(plan)[runs - 1][1] == f"{place}/ensemble/{runs - 1}"
+    home = found.folders.home(f"tiny/plans/longer/ensemble/{runs - 1}", "steps/2019-08")
+    assert home == f"tiny/ensemble/{runs - 1}"
+
+
+def test_the_cost_of_plans_is_told_before_they_run(folders, tmp_path, monkeypatch, capsys):
+    """Five runs of the mine with two steps each, and of the plan one step more; a step took two minutes."""
+    monkeypatch.chdir(tmp_path)
+    found = outcomes(folders({"longer": LONGER}, grid_convergence=False), tmp_path)
+    found.outcomes()
+    said = capsys.readouterr().err
+    assert said == (
+        "tiny: plans: 2 plans with 5 runs each (hazard.runs, ensemble) need 15 more steps: nothing is known of their "
+        "time yet\n"
+    )
+    found.outcomes()
+    assert capsys.readouterr().err == ""
+    for path in ("results/tiny/steps/2019-08.nc", "results/tiny/steps/history.nc", "logs/tiny/steps/2019-08.log"):
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(f"{Costs(120.0, 200.0, 0.0, 900.0).closing_line('step')}\n")
+    found.tell_cost()
+    assert "need 13 more steps: about 26 minutes, as long as steps of tiny took" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

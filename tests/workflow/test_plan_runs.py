@@ -23,6 +23,7 @@ HAZARD = {
     "distances": ["5 m", "15 m"],
     "magnitudes": {"small": -1.5, "large": 0.5},
     "likelihoods": {"rare": 0, "likely": 0.5},
+    "runs": 1,
 }
 PLANNED = changed(TINY, plans=PLANS, hazard=HAZARD)
 

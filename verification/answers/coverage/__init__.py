@@ -8,14 +8,14 @@ subject is a module with a function `answer`, which takes settings and bounds, a
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.answers.coverage import baselines, comparison, first_page
+from verification.answers.coverage import baselines, comparison, first_page, plans
 from verification.answers.coverage.shares import Coverage, coverage_rows
 from verification.page_tables import Pivot
 from verification.plots import plot_errors
 from verification.results import Results
 from verification.rows import Row
 
-NUMERICS = ("baselines", "catalogs")  # Folders that the results may change with.
+NUMERICS = ("baselines", "catalogs", "plans")  # Folders that the results may change with.
 
 TABLES = (
     Pivot(
@@ -39,7 +39,7 @@ TABLES = (
         "measured",
     ),
 )
-SUBJECTS = (comparison.answer, baselines.answer, first_page.answer)
+SUBJECTS = (comparison.answer, baselines.answer, first_page.answer, plans.answer)
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
