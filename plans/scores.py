@@ -11,8 +11,9 @@ Attributes: mine, sentences (JSON: all of it in words, for the report), and thos
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from catalogs.compare.exposure import DAY, common_period, window
 from catalogs.compare.locations import box_around, information_gain, location_errors
-from catalogs.report.text import fixed, number, plural, typeset, whole
+from catalogs.report.text import DOWN, UP, beside, fixed, number, plural, typeset, whole
 from catalogs.settings import DatedStep
 from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import log_potency
@@ -43,8 +44,6 @@ KNOWN = "known"  # The record reached the beginning of the step when the forecas
 MINED_OTHERWISE = "mined otherwise"
 NO_FLOOR = "no floor"  # No event in the runs of the plan says from which size on events count.
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
-MAX_MORE_DIGITS = 6  # Digits more than a sentence needs otherwise.
-ROUNDING_ERROR = 1e-9  # of a floating-point number that stands for a decimal one
 MIN_PROBABILITY = 1e-4  # Smaller probabilities count as this in the logarithmic score.
 
 
@@ -391,11 +390,11 @@ def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
     )
     low, high, middle, recorded = quantities["potency"]
     if np.isfinite(middle):
-        texts = _consistent(low, high, recorded, bool(part["inside"].values[1]), _by_digits)
-        yield (f"Potency: {texts[0]} to {texts[1]} m³ (median {number(middle)}); {texts[2]} m³ recorded, {within[1]}.")
+        value, ends = beside(recorded, (low, high))
+        yield f"Potency: {ends} m³ (median {number(middle)}); {value} m³ recorded, {within[1]}."
         low, high, middle, recorded = quantities["largest"]
-        texts = _consistent(low, high, recorded, bool(part["inside"].values[2]), _by_decimals)
-        yield f"Largest event: {texts[0]} to {texts[1]} (median {_size(middle)}); {texts[2]} recorded, {within[2]}."
+        ends, value = _sizes(low, high, recorded)
+        yield f"Largest event: {ends} (median {_size(middle)}); {value} recorded, {within[2]}."
     gain = float(part["gain"])
     if np.isfinite(gain):
         yield (
@@ -407,40 +406,23 @@ def _scored(scores: xr.Dataset, part: xr.Dataset, row: int) -> Iterator[str]:
         yield _chances(*(scores[name].values[own] for name in ("forecast_probability", "occurred", "rate_probability")))
 
 
-def _size(size: float, decimals: int = 1) -> str:
-    return typeset(f"log P {size + 0.0:.{decimals}f}") if np.isfinite(size) else "none"
+def _size(size: float) -> str:
+    return f"log P {fixed(size, 1)}" if np.isfinite(size) else "none"
 
 
-Rounding = Callable[[float, int, Callable[[float], float]], tuple[float, str]]
-
-
-def _by_decimals(size: float, digits: int, rounded: Callable[[float], float]) -> tuple[float, str]:
-    """A size (log10 m3) rounded to one decimal at least, and its text."""
-    scale = 10.0 ** (digits + 1)
-    value = float(rounded(size * scale) / scale) if np.isfinite(size) else size
-    return value, _size(value, digits + 1)
-
-
-def _by_digits(value: float, digits: int, rounded: Callable[[float], float]) -> tuple[float, str]:
-    """A positive number rounded to three significant digits at least, and its text."""
-    if value <= 0.0 or not np.isfinite(value):
-        return value, number(value)
-    scale = 10.0 ** (digits + 2 - np.floor(np.log10(value)))
-    value = float(rounded(value * scale) / scale)
-    return value, number(value, digits + 3)
-
-
-def _consistent(low: float, high: float, recorded: float, inside: bool, rounding: Rounding) -> tuple[str, str, str]:
-    """Ends of a range, rounded outward, and what is recorded, with as many digits as show whether it is inside."""
-    for digits in range(MAX_MORE_DIGITS + 1):
-        ends = (
-            rounding(low, digits, lambda one: np.floor(one + ROUNDING_ERROR)),
-            rounding(high, digits, lambda one: np.ceil(one - ROUNDING_ERROR)),
-        )
-        value = rounding(recorded, digits, np.round)
-        if (ends[0][0] <= value[0] <= ends[1][0]) == inside:
-            break
-    return ends[0][1], ends[1][1], value[1]
+def _sizes(low: float, high: float, recorded: float) -> tuple[str, str]:
+    """A range of sizes and the recorded one (log10 m3) as texts that tell whether it is inside; -inf: no event."""
+    tenths = partial(fixed, decimals=1)
+    if np.isfinite([low, high, recorded]).all():
+        value, ends = beside(recorded, (low, high), tenths)
+        return f"log P {ends}", f"log P {value}"
+    if np.isfinite([high, recorded]).all():  # the range begins without an event
+        value, ends = beside(recorded, (min(recorded, high), high), tenths)
+        return f"none to log P {ends.rpartition(' to ')[2]}", f"log P {value}"
+    if np.isfinite(high):
+        begin = f"log P {tenths(low, rounding=DOWN)}" if np.isfinite(low) else "none"
+        return f"{begin} to log P {tenths(high, rounding=UP)}", _size(recorded)
+    return "none", _size(recorded)
 
 
 def _chances(forecast_probability: NDArray, occurred: NDArray, rate_probability: NDArray) -> str:
