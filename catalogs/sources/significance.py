@@ -9,6 +9,5 @@ SIGNIFICANCE = 0.05  # Share of right models that a whole page calls wrong.
 QUESTIONS = 5
 TEST_LEVEL = SIGNIFICANCE / QUESTIONS
 POWER = 0.8  # Share of differences that are noticed, of those named as noticeable.
-POWER_DEVIATIONS = float(
-    scipy.stats.norm.ppf(POWER)
-)  # Standard errors that a difference needs beyond the limit of its test.
+# Standard errors that a difference needs beyond the limit of its test: a normal quantile.
+POWER_DEVIATIONS = float(ndtri(POWER))
