@@ -5,6 +5,8 @@ directions. Each test has the level SIGNIFICANCE / QUESTIONS (Bonferroni), so th
 of them a share of SIGNIFICANCE at most is said to differ in any.
 """
 
+from scipy.special import ndtri
+
 SIGNIFICANCE = 0.05  # Share of right models that a whole page calls wrong.
 QUESTIONS = 5
 TEST_LEVEL = SIGNIFICANCE / QUESTIONS
