@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from calibration.likelihood import MAX_IMPLAUSIBILITY, Likelihood
 from calibration.posterior import POINTS, Posterior, find_posterior, weighted_quantiles
+from calibration.recorded import RecordedOutputs, clustered_numbers
 from calibration.surrogate import Surrogate
-from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, CellCorrection, Outputs, RecordedOutputs
+from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, CellCorrection, Outputs
 
 SHARES = np.array([0.05, 0.5, 0.95])  # Of the intervals that the report states.
 SELF_TEST_POINTS = 2**11  # Sobol points of the self-test: fewer than of the record's fit, as each trial has its own.
@@ -55,7 +56,7 @@ class Fit:
         return self.posterior.implausibility <= MAX_IMPLAUSIBILITY
 
     def expected(self, points: NDArray) -> tuple[NDArray, NDArray]:
-        """Mean and standard deviation (point, output) of a run at these points; see `expected`."""
+        """Mean and standard deviation (point, output) of what is expected at these points; see `expected`."""
         return expected(self.surrogate, self.likelihood.correction, points)
 
     def log_likelihood(self, points: NDArray) -> NDArray:
@@ -71,6 +72,7 @@ class Fit:
         """ln potency and ln number of runs at points of the posterior (draw, output), all errors but the record's."""
         generator = np.random.default_rng(seed)
         mean, deviation = self.expected(self.posterior.draws(draws, seed))
+        deviation = np.hypot(deviation, self.likelihood.chance)
         drawn = mean + deviation * generator.standard_normal(mean.shape)
         parts = []
         for term in (POTENCY, NUMBER):
@@ -87,12 +89,13 @@ class Fit:
 
 
 def expected(surrogate: Surrogate, correction: CellCorrection, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Mean and standard deviation (point, output) of a run's outputs at these points, corrected for the cells.
+    """Mean and standard deviation (point, output) of the expected outputs at these points, corrected for the cells.
 
-    Chance and the uncertainty of the surrogate are included, errors of cells and model are not.
+    The uncertainty of the surrogate is included, chance and errors of cells and model are not. The deviation is raised
+    where the trials that predict each other miss by more than they state.
     """
     mean, deviation = surrogate.predict(points)
-    return mean + correction.shift, np.sqrt(deviation**2 + surrogate.noise**2)
+    return mean + correction.shift, deviation * surrogate.miss
 
 
 def fit_likelihood(
@@ -114,16 +117,27 @@ def calibrate(
     terms: Sequence[str],
     model_error: float,
     seed: int,
+    surrogate: Surrogate | None = None,
+    points: int = POINTS,
 ) -> Fit:
-    """Calibrate the quantities of these rows to a record, of which the given terms count."""
-    surrogate = Surrogate(rows.points, rows.outputs.all, rows.trials, seed)
+    """Calibrate the quantities of these rows to a record, of which the given terms count.
+
+    surrogate: one of these rows, if there is one. points: Sobol points of a round.
+    """
+    surrogate = surrogate or Surrogate(rows.points, rows.outputs.all, rows.trials, seed)
     columns = rows.outputs.columns
-    gain_error = None
-    if PLACES in columns:
-        missed = (surrogate.outputs - surrogate.left_out()[0])[:, columns[PLACES]]
-        gain_error = np.sqrt(np.mean(missed**2, axis=0))
-    likelihood = Likelihood(recorded, terms, columns, correction, model_error, gain_error)
-    return fit_likelihood(surrogate, likelihood, rows.points.shape[1], seed)
+    missed = surrogate.outputs - surrogate.left_out()[0]
+    gain_error = np.sqrt(np.mean(missed[:, columns[PLACES]] ** 2, axis=0)) if PLACES in columns else None
+    shared = shared_error(missed[:, columns[POTENCY]], missed[:, columns[NUMBER]])
+    chance = surrogate.noise * surrogate.miss
+    likelihood = Likelihood(recorded, terms, columns, correction, model_error, chance, gain_error, shared)
+    return fit_likelihood(surrogate, likelihood, rows.points.shape[1], seed, points)
+
+
+def shared_error(potency: NDArray, number: NDArray) -> float:
+    """Correlation of what the other trials miss of ln potency (row, step) and of ln number (row, step)."""
+    scale = np.sqrt(np.sum(potency**2) * np.sum(number**2))
+    return float(np.clip(np.sum(potency * number) / scale, 0.0, 0.99)) if scale > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -147,11 +161,12 @@ class SelfTest:
 def calibrate_to_trials(
     fit: Fit, rows: Rows, trials: NDArray, seed: int, gains: Callable[[int], NDArray] | None = None
 ) -> SelfTest:
-    """Calibrate to the first row of each of these trials, on a surrogate without it.
+    """Calibrate to a record made with the values of each of these trials (of its first row), without that trial.
 
-    Its potency, number and sizes are disturbed as those of a record are: by the record's covariance, by the dispersion
-    of its number, and by the model's error. Trials and made-up record have the same cells, so that nothing is corrected
-    for them. gains: for a row, the information gain of all rows (row, step) at its events; needed where places count.
+    The record has what all other trials predict there, with the error of that prediction, clusters of events, the
+    chance of their sizes, and the model's error. Trials and made-up record have the same cells, so that nothing is
+    corrected for them. gains: for a row, the information gain of all rows (row, step) at its events; needed where
+    places count.
     """
     generator = np.random.default_rng(seed)
     held, widths, posteriors = [], [], []
@@ -163,9 +178,10 @@ def calibrate_to_trials(
         trial_outputs = Outputs(by_term)
         others = rows.trials != trial
         surrogate = fit.surrogate.of(rows.points[others], trial_outputs.all[others], rows.trials[others])
-        record = _disturbed(trial_outputs.of_runs(slice(row, row + 1)), fit, generator)
-        likelihood = replace(fit.likelihood, recorded=record, correction=CellCorrection.none(trial_outputs))
-
+        uncorrected = CellCorrection.none(trial_outputs)
+        mean, deviation = (part[0] for part in expected(surrogate, uncorrected, rows.points[row : row + 1]))
+        record = _made_record(mean, deviation, fit, generator)
+        likelihood = replace(fit.likelihood, recorded=record, correction=uncorrected)
         tested = fit_likelihood(surrogate, likelihood, rows.points.shape[1], seed + int(trial), SELF_TEST_POINTS)
         posterior = tested.posterior
         low, _, high = posterior.quantiles(SHARES)
@@ -175,22 +191,30 @@ def calibrate_to_trials(
     return SelfTest(np.array(held), np.array(widths), tuple(posteriors))
 
 
-def _disturbed(run: Outputs, fit: Fit, generator: np.random.Generator) -> RecordedOutputs:
-    """A record made of one run's outputs, as uncertain as the mine's own record."""
-    recorded, error = fit.recorded, fit.likelihood.model_error
-    log_potency, log_number = run.by_term[POTENCY][0], run.by_term[NUMBER][0]
-    log_potency = log_potency + error * generator.standard_normal(log_potency.shape)
-    log_potency = log_potency + generator.multivariate_normal(np.zeros(len(log_potency)), recorded.covariance)
-    log_number = log_number + error * generator.standard_normal(log_number.shape)
-    number = _dispersed_number(np.exp(log_number), recorded.dispersion_index, generator)
-    sizes = run.by_term[SIZES][0, 0] if SIZES in run.by_term else recorded.log_excess
-    sizes = sizes + np.hypot(error, recorded.excess_error) * generator.standard_normal()
-    return replace(recorded, log_potency=log_potency, number=number, log_excess=float(sizes))
+def _made_record(mean: NDArray, deviation: NDArray, fit: Fit, generator: np.random.Generator) -> RecordedOutputs:
+    """A record of values at which these outputs (output,) are expected, with their standard deviation.
 
-
-def _dispersed_number(expected_number: NDArray, dispersion_index: float, generator: np.random.Generator) -> NDArray:
-    """Numbers (step,) with these means, whose variance is `dispersion_index` times as large."""
-    excess = dispersion_index - 1.0
-    if excess < 1e-3:
-        return generator.poisson(expected_number)
-    return generator.negative_binomial(expected_number / excess, 1.0 / (1.0 + excess))
+    Its events come in clusters, which change number and potency alike; the sizes of its events are drawn at random.
+    What the record says of its own uncertainty follows from it alone, as that of the mine's record does.
+    """
+    recorded, likelihood, columns = fit.recorded, fit.likelihood, fit.likelihood.columns
+    steps, error = fit.steps, likelihood.model_error
+    common, other = generator.standard_normal((2, steps))
+    of_number = common
+    of_potency = likelihood.shared * common + np.sqrt(1.0 - likelihood.shared**2) * other
+    log_number = mean[columns[NUMBER]] + deviation[columns[NUMBER]] * of_number
+    mean_potency = mean[columns[POTENCY]] + deviation[columns[POTENCY]] * of_potency - log_number
+    mean_potency = mean_potency + error * generator.standard_normal(steps)
+    expected_number = np.exp(log_number + error * generator.standard_normal(steps))
+    number, dispersion_index = clustered_numbers(expected_number, recorded.dispersion_index, generator)
+    # errors of a mean of other numbers of events scale with one over their roots
+    counts = np.append(number, number.sum()), np.append(recorded.number, recorded.number.sum())
+    scale = np.sqrt(np.maximum(counts[1], 1) / np.maximum(counts[0], 1))
+    errors = recorded.size_errors * scale
+    drawn = errors[generator.integers(len(errors))]
+    made = replace(recorded, number=number, dispersion_index=dispersion_index, size_errors=errors)
+    log_excess = recorded.log_excess
+    if SIZES in columns:
+        sizes = mean[columns[SIZES]][0] + np.hypot(deviation[columns[SIZES]][0], error) * generator.standard_normal()
+        log_excess = float(sizes + drawn[-1])
+    return replace(made, log_potency=made.log_number + mean_potency + drawn[:-1], log_excess=log_excess)

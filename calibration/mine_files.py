@@ -11,8 +11,10 @@ import yaml
 from calibration.settings import EVENT_SECTION, CalibratedQuantity, cohesion_of, friction_key, strength_under
 from common.datasets import atomic_path
 from common.errors import InputError
+from common.job import content_hash
 from common.quantities import parse_quantity
 
+STAMP = "# posterior: "
 HEADER = "# {name}: a calibrated mine. These keys follow from a calibration, all others from the mine's own file:\n"
 
 
@@ -119,8 +121,13 @@ def _cohesion(text: dict, quantity: CalibratedQuantity, share: float, where: str
     return f"{float(f'{cohesion:.6g}'):.6g} Pa"
 
 
-def write_mine(path: Path, text: dict, quantities: Sequence[CalibratedQuantity], shares: Iterable[float]) -> None:
-    """Write a mine file, whole or not at all; the mine's name takes that of the file, so that its results part."""
+def write_mine(
+    path: Path, text: dict, quantities: Sequence[CalibratedQuantity], shares: Iterable[float], posterior: str
+) -> None:
+    """Write a mine file, whole or not at all; the mine's name takes that of the file, so that its results part.
+
+    posterior: hash of what the calibration depends on, by which `is_draw_of` knows the file.
+    """
     changed = with_values(text, quantities, shares)
     changed["name"] = f"{text['name']}_{path.stem}"
     header = HEADER.format(name=path.stem) + "".join(
@@ -128,4 +135,16 @@ def write_mine(path: Path, text: dict, quantities: Sequence[CalibratedQuantity],
         for quantity, share in zip(quantities, shares, strict=True)
     )
     with atomic_path(path) as temporary:
-        temporary.write_text(header + yaml.safe_dump(changed, sort_keys=False, allow_unicode=True), encoding="utf-8")
+        body = header + yaml.safe_dump(changed, sort_keys=False, allow_unicode=True)
+        temporary.write_text(stamped(body, posterior), encoding="utf-8")
+
+
+def stamped(body: str, posterior: str) -> str:
+    """Text of a mine file with a first line that names posterior and content together."""
+    return f"{STAMP}{content_hash(posterior + body)}\n{body}"
+
+
+def is_draw_of(path: Path, posterior: str) -> bool:
+    """True if a mine file is one that the calibration with this hash wrote, and is as it was written."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    return text == stamped(text.partition("\n")[2], posterior)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from calibration.figures import draw_pairs, draw_predictions, draw_surrogate
 from calibration.fit import SHARES, Fit, Rows, SelfTest
 from calibration.likelihood import MAX_IMPLAUSIBILITY
+from calibration.limits import BeyondRange, SizeLaw
 from calibration.settings import CalibratedQuantity
 from calibration.tradeoffs import best_known_strengths, correlation, telling_observations
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES
@@ -46,6 +47,19 @@ class Trials:
         return np.array([number for number, one in enumerate(self.kinds) if one == kind], int)
 
 
+@dataclass(frozen=True)
+class Tests:
+    """Tests of a calibration: on known trials, of the ends of the ranges, of the law of sizes.
+
+    cut: log10 m3, from which events count.
+    """
+
+    known: SelfTest
+    beyond: BeyondRange
+    law: SizeLaw
+    cut: float
+
+
 def format_number(number: float) -> str:
     """Three significant digits, without an exponent."""
     return f"{float(f'{number:.3g}'):,.10g}"
@@ -56,8 +70,8 @@ def formatted(quantity: CalibratedQuantity, share: float) -> str:
     return format_number(quantity.value(share))
 
 
-def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
-    """The results of the calibration, in sentences."""
+def warnings(fit: Fit, quantities: Sequence[CalibratedQuantity], tests: Tests) -> list[str]:
+    """Signs that the truth lies where no trial can reach, in sentences."""
     lines = []
     least = fit.posterior.implausibility
     if not fit.fits:
@@ -66,6 +80,35 @@ def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
             f"are {least:.1f} standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the ranges, or "
             "look for what the model lacks. The intervals below mean little."
         )
+    beyond, law = tests.beyond, tests.law
+    if beyond.is_told:
+        ends = " and ".join(
+            f"the {'upper' if side > 0 else 'lower'} end of the range of {quantities[number].title}, "
+            f"{formatted(quantities[number], float(side > 0))} {quantities[number].unit}".rstrip()
+            for number, side in beyond.ends.items()
+        )
+        lines.append(
+            f"The record points beyond {ends}: values outside would fit better by {beyond.improvement:.1f} standard "
+            f"deviations (p {_p_value(beyond.p_value)} if the true values lie within the ranges). Widen the range. If "
+            "that cannot be, the model lacks something, and the intervals below mean little."
+        )
+    if law.is_told:
+        lines.append(
+            f"The recorded sizes have another law than those of the model: above the cut b of log potency is "
+            f"{law.recorded:.2f} in the record, and {law.modelled[0]:.2f} to {law.modelled[1]:.2f} (90 %) for such a "
+            f"record of the calibrated model (p {_p_value(law.p_value)} if both are one). The few largest events rule "
+            "the potency: trust neither the potency nor the forecasts of the calibrated model."
+        )
+    return lines
+
+
+def _p_value(p_value: float) -> str:
+    return f"= {p_value:.2g}" if p_value >= 0.005 else "< 0.005"
+
+
+def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
+    """The results of the calibration, in sentences."""
+    lines = []
     left = fit.posterior.width_left()
     named = list(zip(quantities, left, strict=True))
     known = [f"{one.title} to {100 * width:.0f} %" for one, width in named if width <= UNKNOWN_WIDTH]
@@ -104,7 +147,7 @@ def write_page(
     fit: Fit,
     rows: Rows,
     trials: Trials,
-    tested: SelfTest,
+    tests: Tests,
     quantities: Sequence[CalibratedQuantity],
     steps: Sequence[str],
     draws: int,
@@ -124,12 +167,13 @@ def write_page(
         .get_template("calibration.html.j2")
         .render(
             mine=mine,
-            fits=fit.fits,
+            warnings=warnings(fit, quantities, tests),
             verdict=verdict(fit, quantities),
+            cut=f"{tests.cut:.2f}",
             quantities=quantity_rows(fit, quantities),
             steps=step_rows(fit, steps),
             trials_sentence=trials_sentence(fit, trials),
-            tested=tested_sentence(tested, quantities),
+            tested=tested_sentence(tests.known, quantities),
             best=best_rows(fit, rows, trials, quantities),
             model_error=fit.likelihood.model_error,
             draws=draws,
@@ -162,7 +206,7 @@ def quantity_rows(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[di
 def step_rows(fit: Fit, steps: Sequence[str]) -> list[dict]:
     """RecordedOutputs and predicted potency and number of each step."""
     low, middle, high = fit.intervals()
-    deviation = np.sqrt(np.diag(fit.recorded.covariance))
+    deviation = np.sqrt(np.diag(fit.recorded.potency_covariance))
     recorded = [np.exp(fit.recorded.log_potency + shift * deviation) for shift in (0.0, -1.645, 1.645)]
     rows = []
     for index, step in enumerate(steps):
@@ -219,10 +263,12 @@ def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity]) 
     widths = ", ".join(
         f"{quantity.title} {width:.2f}" for quantity, width in zip(quantities, tested.width.mean(axis=0), strict=True)
     )
+    error = 100.0 * np.sqrt(0.9 * 0.1 / tested.held.size)
     return (
         f"Each of the {len(tested.held)} designed trials was taken as the record and calibrated to without it; its "
-        f"values got errors like the record's. The 90 % intervals hold {100 * tested.coverage:.0f} % of the values "
-        f"that made the trials. Their mean width, over that of the prior: {widths}."
+        "events came in clusters like the record's, with sizes drawn at random. The 90 % intervals hold "
+        f"{100 * tested.coverage:.0f} % of the values that made the trials (standard error {error:.0f} %). Their mean "
+        f"width, over that of the prior: {widths}."
     )
 
 

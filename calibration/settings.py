@@ -158,6 +158,9 @@ class CalibrationSettings(Settings):
     terms: Annotated[tuple[Terms, ...], Field(min_length=1), AsTuple] = ("potency", "number")
     """What of the record counts. `potency` and `number`: the summed potency and the number of events of each step.
     `places`: where the events of each step are. `sizes`: the mean logarithm of their potency above the cut."""
+    complete_above: Annotated[float, Unit("m^3", gt=0, le=1e20)] = None
+    """Potency from which the record is complete: above it the network missed no event. Default: estimated from the
+    recorded sizes, where they tell it."""
     model_error: real_number(ge=0, le=2) = 0.1
     """Standard deviation of the natural logarithm of potency and number that each step of the model has beside its
     cells and chance: errors of the plan, the stress and the law."""

@@ -3,7 +3,7 @@
 import json
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,26 +11,33 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from calibration.fit import SHARES, Fit, Rows, SelfTest, calibrate, calibrate_to_trials
+from calibration.limits import beyond_range, compare_b
 from calibration.mine_files import write_mine
-from calibration.page import Trials, write_page, write_table
+from calibration.page import Tests, Trials, write_page, write_table
+from calibration.posterior import POINTS
+from calibration.recorded import check_record, complete_above, covered, read_record
 from calibration.settings import CalibrationSettings
+from calibration.surrogate import Surrogate
 from calibration.tradeoffs import further_points
 from calibration.trials import (
+    NUMBER,
     PLACES,
+    POTENCY,
+    SIZES,
     CellCorrection,
     Places,
     common_cut,
     counted_events,
-    covered,
+    counted_sizes,
     gains,
     nothing_fails_before_record,
     outputs,
     read_places,
-    read_record,
 )
 from catalogs.compare.exposure import Exposure, common_period
 from catalogs.settings import DatedStep
 from common.datasets import atomic_path, read_dataset
+from common.errors import InputError
 from common.event_table import read_events
 from seismic.catalog import extractions
 
@@ -60,6 +67,27 @@ class Calibration:
         return calibrate_to_trials(self.fit, self.rows, trials, self.settings.seed, gains_at)
 
 
+@dataclass(frozen=True)
+class TrialCatalogues:
+    """Catalogues of trials: points (row, quantity), catalogue of each row and its trial (row,); catalogues of the first
+    designed trials on the mine's own cells, in order, and the number of these trials."""
+
+    points: NDArray
+    rows: list[xr.Dataset]
+    trials: NDArray
+    finer: list[xr.Dataset] = field(default_factory=list)
+    pairs: int = 0
+
+    @classmethod
+    def read(cls, points: NDArray, trials: Sequence[Path], finer: Sequence[Path]) -> "TrialCatalogues":
+        """Catalogues of these files; points: those of all rows of the trials, in order."""
+        of_trials = [extractions(read_events(path)) for path in trials]
+        of_finer = [extractions(read_events(path)) for path in finer]
+        number = np.repeat(np.arange(len(of_trials)), [len(trial) for trial in of_trials])
+        rows, fine = ([one for trial in found for one in trial] for found in (of_trials, of_finer))
+        return cls(points, rows, number, fine, len(finer))
+
+
 def read_calibration(given: dict, trials: Sequence[Path], finer: Sequence[Path], record_file: Path) -> Calibration:
     """The calibration of a stage's slice to a record.
 
@@ -67,29 +95,75 @@ def read_calibration(given: dict, trials: Sequence[Path], finer: Sequence[Path],
     cells. Raises InputError where the record lacks what the terms need."""
     settings = CalibrationSettings.of(given["calibration"], "calibration")
     dated = tuple(DatedStep.of(step) for step in given["steps"])
+    points = np.concatenate([np.array(trial["rows"]) for trial in given["trials"]])
+    return calibrate_catalogues(settings, dated, TrialCatalogues.read(points, trials, finer), read_dataset(record_file))
+
+
+def calibrate_catalogues(
+    settings: CalibrationSettings,
+    dated: tuple[DatedStep, ...],
+    trials: TrialCatalogues,
+    record: xr.Dataset,
+    sobol: int = POINTS,
+) -> Calibration:
+    """The calibration of trials to a record; sobol: points of a round of the posterior. Raises InputError where the
+    record lacks what the terms need, and where quantities change no trial."""
     steps = tuple(step.name for step in dated)
-    of_trials = [extractions(read_events(path)) for path in trials]
-    of_finer = [extractions(read_events(path)) for path in finer]
-    catalogues = [one for trial in of_trials for one in trial]
-    fine = [one for trial in of_finer for one in trial]
-    record = read_dataset(record_file)
+    catalogues, fine = trials.rows, trials.finer
     exposure = Exposure.of(dated, common_period(record))
-    cut = common_cut([*catalogues, *fine], record)
+    check_record(record, dated, exposure, settings.terms)
+    cut = common_cut([*catalogues, *fine], complete_above(record, settings.complete_above))
     logging.info("events count from log10 potency %.2f m3 on", cut)
     places = read_places(record, exposure, cut, [*catalogues, *fine]) if PLACES in settings.terms else None
-    all_outputs = outputs(catalogues, steps, cut, settings.terms, places)
-    number = np.repeat(np.arange(len(of_trials)), [len(trial) for trial in of_trials])
-    rows = Rows(np.concatenate([np.array(trial["rows"]) for trial in given["trials"]]), all_outputs, number)
+    all_outputs = outputs(catalogues, steps, cut, places)
+    rows = Rows(trials.points, all_outputs, trials.trials)
+    refuse_without_effect(rows, settings)
     correction = CellCorrection.none(all_outputs)
-    if finer:
+    if fine:
         first = settings.replicates
-        coarse = all_outputs.of_runs(np.flatnonzero((number >= first) & (number < first + len(finer))))
-        correction = CellCorrection.of(coarse, outputs(fine, steps, cut, settings.terms, places), len(finer))
+        coarse = all_outputs.of_runs(np.flatnonzero((trials.trials >= first) & (trials.trials < first + trials.pairs)))
+        correction = CellCorrection.of(coarse, outputs(fine, steps, cut, places), trials.pairs)
     correction = correction.during(covered(exposure, dated), all_outputs)
-    recorded = read_record(record, exposure, cut, settings.seed, settings.terms)
-    fit = calibrate(rows, correction, recorded, settings.terms, settings.model_error, settings.seed)
+    recorded = read_record(record, exposure, cut, settings.seed, counted_sizes(catalogues, steps, cut))
+    surrogate = Surrogate(rows.points, all_outputs.all, rows.trials, settings.seed)
+    fit = calibrate(rows, correction, recorded, settings.terms, settings.model_error, settings.seed, surrogate, sobol)
     logging.info("posterior of %d points worth %.0f", len(fit.posterior.points), fit.posterior.effective)
     return Calibration(settings, steps, catalogues, cut, rows, places, fit)
+
+
+def refuse_without_effect(rows: Rows, settings: CalibrationSettings) -> None:
+    """Raise InputError where quantities change nothing: all trials, or all sets of events of each, are the same.
+
+    Replicates are left out, as chance changes them.
+    """
+    trials = rows.trials
+    found = np.concatenate([rows.outputs.by_term[term] for term in (POTENCY, NUMBER, SIZES)], axis=1)
+    is_same = bool(np.ptp(found[trials >= settings.replicates], axis=0).max() == 0.0)
+    is_same_rock = all(np.ptp(found[trials == one], axis=0).max() == 0.0 for one in np.unique(trials))
+    has_sets = len(np.unique(trials)) < len(trials)
+    idle = [
+        f"quantities[{number}].key: {quantity.key}"
+        for number, quantity in enumerate(settings.quantities)
+        if is_same or (has_sets and is_same_rock and quantity.changes_events_only)
+    ]
+    if idle:
+        raise InputError(
+            f"calibration.{', '.join(idle)}: changes no output of any trial over its range; take it off the list, or "
+            "name a key that the mine uses"
+        )
+
+
+def record_stage(given: dict, *, record: Path, output: Path) -> None:
+    """Write from which log10 potency (m3) on the record is complete, as JSON. given: the stage's slice.
+
+    Raises InputError where this is not known, or the record lacks what the terms need.
+    """
+    settings = CalibrationSettings.of(given["calibration"], "calibration")
+    dated, read = tuple(DatedStep.of(step) for step in given["steps"]), read_dataset(record)
+    check_record(read, dated, Exposure.of(dated, common_period(read)), settings.terms)
+    with atomic_path(output) as temporary:
+        complete = complete_above(read, settings.complete_above)
+        temporary.write_text(json.dumps({"complete_above_log10_potency": complete}), encoding="utf-8")
 
 
 def further_stage(given: dict, *, trials: Sequence[Path], finer: Sequence[Path], record: Path, output: Path) -> None:
@@ -122,9 +196,12 @@ def fit_stage(
         nothing_fails_before_record(calibration.catalogues) and given["has_history"],
     )
     write_table(table, fit, calibration.rows, listed, settings.quantities, steps)
-    write_mine(output.parent / "middle.yaml", given["text"], settings.quantities, fit.posterior.quantiles(SHARES)[1])
     draws = fit.posterior.draws(given["draws"], settings.seed)
-    for number, draw in enumerate(draws, start=1):
-        write_mine(output.parent / f"draw_{number}.yaml", given["text"], settings.quantities, draw)
+    values = {"middle": fit.posterior.quantiles(SHARES)[1]}
+    values |= {f"draw_{number}": draw for number, draw in enumerate(draws, start=1)}
+    for name, shares in values.items():
+        file = output.parent / f"{name}.yaml"
+        write_mine(file, given["text"], settings.quantities, shares, given["posterior"])
     tested = calibration.self_test(designed)
-    write_page(output, given["mine"], fit, calibration.rows, listed, tested, settings.quantities, steps, len(draws))
+    tests = Tests(tested, beyond_range(fit, settings.seed), compare_b(fit, settings.seed), calibration.cut)
+    write_page(output, given["mine"], fit, calibration.rows, listed, tests, settings.quantities, steps, len(draws))

@@ -39,7 +39,8 @@ class Surrogate:
     """Gaussian processes of outputs of trials; constant mean, squared exponential with a length for each quantity.
 
     points (row, quantity) in [0, 1]; outputs (row, output), finite; trials (row,): the trial that a row is of. Rows of
-    one trial come from the same rock, and share its chance. Replicates of a point tell the noise best.
+    one trial come from the same rock, and share its chance. Replicates of a point tell the noise best. miss (output,):
+    root mean square of what the other trials miss of a trial, over the deviation that they state, at least 1.
     """
 
     points: NDArray
@@ -47,6 +48,7 @@ class Surrogate:
     trials: NDArray
     seed: int = 0
     _processes: list[GaussianProcessRegressor] = field(init=False, default_factory=list)
+    miss: NDArray = field(init=False)
     _mean: NDArray = field(init=False)
     _scale: NDArray = field(init=False)
 
@@ -61,6 +63,12 @@ class Surrogate:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ConvergenceWarning)  # a length at its bound: the quantity has no effect
                 self._processes.append(process.fit(rows, output))
+        self._find_miss()
+
+    def _find_miss(self) -> None:
+        mean, deviation = self.left_out()
+        off = (self.outputs - mean) / np.maximum(deviation, 1e-300)
+        self.miss = np.maximum(1.0, np.sqrt(np.mean(off**2, axis=0)))
 
     @staticmethod
     def _rows(points: NDArray, trials: NDArray | float) -> NDArray:
@@ -114,6 +122,7 @@ class Surrogate:
             GaussianProcessRegressor(process.kernel_, optimizer=None).fit(rows, output)
             for process, output in zip(self._processes, other._scaled(), strict=True)
         ]
+        other._find_miss()
         return other
 
     def left_out(self) -> tuple[NDArray, NDArray]:

@@ -158,11 +158,10 @@ def further_points(fit: Fit, count: int, seed: int) -> NDArray:
 def _weights(fit: Fit) -> tuple[list[int], NDArray]:
     """Outputs with a recorded value, and one over the variance that record, cells, model and chance give it."""
     likelihood, recorded = fit.likelihood, fit.recorded
-    number = np.maximum(recorded.number, 1.0)
     variances = {
-        POTENCY: np.diag(recorded.covariance),
-        NUMBER: recorded.dispersion_index / number,
-        SIZES: np.array([recorded.excess_error**2]),
+        POTENCY: np.diag(recorded.potency_covariance),
+        NUMBER: recorded.number_variance,
+        SIZES: recorded.size_covariance[-1:, -1],
     }
     columns: list[int] = []
     variance = []

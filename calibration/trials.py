@@ -11,38 +11,17 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.compare.comparison import record_clusters
+from calibration.recorded import mean_excess
 from catalogs.compare.exposure import Exposure
 from catalogs.compare.locations import box_around, information_gain, location_errors
-from catalogs.compare.sum_measures import potency_variance_factor
-from catalogs.settings import DatedStep
-from catalogs.sources.completeness import completeness
 from catalogs.sources.sizes import log_potency
-from common.errors import InputError
 
-BOOTSTRAPS = 2000  # Resamplings of the record's potency.
 POTENCY, NUMBER, PLACES, SIZES = TERMS = ("potency", "number", "places", "sizes")
+MEAN_POTENCY = "mean potency"  # Potency over number: what potency says beside the number.
 MIN_DEVIATION = 1.0  # m, along each axis: places are never known better.
 BOX_MARGIN = 3.0  # Deviations by which the box of uniform events is larger than what events take up.
 AXES = 3
 MIN_PAIRS = 2  # Pairs of runs on two sizes of cells that a scatter needs.
-
-
-@dataclass(frozen=True)
-class RecordedOutputs:
-    """Outputs of the record, of each step in order.
-
-    log_potency (step,) ln m3, covariance (step, step) of it; number (step,) of events above the common cut;
-    dispersion_index: variance over mean of that number, at least 1; log_excess: ln of the mean of log10 potency above
-    the cut; excess_error: its standard error.
-    """
-
-    log_potency: NDArray
-    covariance: NDArray
-    number: NDArray
-    dispersion_index: float = 1.0
-    log_excess: float = 0.0
-    excess_error: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -144,14 +123,19 @@ class CellCorrection:
         number of trials, each of as many rows: rows of one rock are one pair.
         """
         shifts, errors = [], {}
-        for term, coarse in trials.by_term.items():
-            difference = (finer.by_term[term] - coarse).reshape(pairs, -1, coarse.shape[1]).mean(axis=1)
+        differences = {term: finer.by_term[term] - coarse for term, coarse in trials.by_term.items()}
+        shifted = list(differences)
+        if POTENCY in differences and NUMBER in differences:
+            differences[MEAN_POTENCY] = differences[POTENCY] - differences[NUMBER]
+        for term, of_rows in differences.items():
+            difference = of_rows.reshape(pairs, -1, of_rows.shape[1]).mean(axis=1)
             mean = difference.mean(axis=0)
             off = difference - mean
             widened = np.sqrt(1.0 + 1.0 / pairs)  # the mean itself is known from these pairs only
             common = off.mean(axis=1).std(ddof=1) * widened if pairs >= MIN_PAIRS else 0.0
             own = np.sqrt(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2) * pairs / max(pairs - 1, 1)) * widened
-            shifts.append(mean)
+            if term in shifted:
+                shifts.append(mean)
             errors[term] = Discrepancy(float(common), float(own))
         return cls(np.concatenate(shifts), errors)
 
@@ -163,12 +147,19 @@ class CellCorrection:
         return CellCorrection(shift, self.errors)
 
 
-def common_cut(catalogues: Sequence[xr.Dataset], record: xr.Dataset) -> float:
-    """log10 potency (m3) from which every trial and the record are complete."""
-    sizes = log_potency(record["potency"].values[record["resolved"].values == 1])
+def common_cut(catalogues: Sequence[xr.Dataset], complete_above: float) -> float:
+    """log10 potency (m3) from which every trial and the record are complete; complete_above: that of the record."""
     floors = [float(one.attrs["potency_floor"]) for one in catalogues]
-    floors = [float(log_potency(floor)) for floor in floors if np.isfinite(floor)]
-    return float(np.nanmax([completeness(sizes), *floors]))
+    return max([complete_above, *(float(log_potency(floor)) for floor in floors if np.isfinite(floor))])
+
+
+def counted_sizes(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float) -> NDArray:
+    """log10 potency (event,) of the resolved events of all catalogues in these steps from the cut on."""
+    found = [np.empty(0)]
+    for events in catalogues:
+        x = log_potency(events["potency"].values)
+        found.append(x[(events["resolved"].values == 1) & (x >= cut) & np.isin(events["step"].values, list(steps))])
+    return np.concatenate(found)
 
 
 def counted_events(events: xr.Dataset, steps: Sequence[str], cut: float) -> tuple[NDArray, NDArray]:
@@ -191,17 +182,17 @@ def gains(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, pl
 
 
 def outputs(
-    catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, terms: Sequence[str], places: Places | None
+    catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, places: Places | None = None
 ) -> Outputs:
-    """Outputs of catalogues: potency and number always, the other terms where they count.
+    """Outputs of catalogues: potency, number and sizes always, places where they count.
 
     A step without potency counts as the smallest resolvable event, one without events as half an event. One event a
     decade above the cut is added to the sizes, so that a run without events has some.
     """
     shape = (len(catalogues), len(steps))
     values = {POTENCY: np.zeros(shape), NUMBER: np.zeros(shape)}
-    values |= {PLACES: gains(catalogues, steps, cut, places)} if PLACES in terms and places is not None else {}
-    values |= {SIZES: np.zeros((len(catalogues), 1))} if SIZES in terms else {}
+    values |= {PLACES: gains(catalogues, steps, cut, places)} if places is not None else {}
+    values[SIZES] = np.zeros((len(catalogues), 1))
     for run, events in enumerate(catalogues):
         size, step = events["potency"].values, events["step"].values
         x = log_potency(size)
@@ -209,68 +200,10 @@ def outputs(
         for index, name in enumerate(steps):
             values[POTENCY][run, index] = size[step == name].sum()
             values[NUMBER][run, index] = np.count_nonzero(counted & (step == name))
-        if SIZES in terms:
-            excess = x[counted & np.isin(step, list(steps))] - cut
-            values[SIZES][run, 0] = np.log((excess.sum() + 1.0) / (len(excess) + 1.0))
+        values[SIZES][run, 0] = mean_excess(x[counted & np.isin(step, list(steps))] - cut)
     values[POTENCY] = np.log(np.maximum(values[POTENCY], 10.0**cut))
     values[NUMBER] = np.log(np.maximum(values[NUMBER], 0.5))
     return Outputs(values)
-
-
-def read_record(
-    record: xr.Dataset, exposure: Exposure, cut: float, seed: int, terms: Sequence[str] = (POTENCY,)
-) -> RecordedOutputs:
-    """Outputs of the record in each dated step, with a covariance of potency by bootstrap of its events.
-
-    Events of a day are drawn together in effect: the variance is raised by the dispersion of their numbers. A step
-    without recorded potency counts as the cut where potency is no term. Raises InputError where it is one.
-    """
-    step, potency = exposure.step(record["time"].values), record["potency"].values
-    used = (step >= 0) & (record["resolved"].values == 1)
-    clusters = record_clusters(record, used, step)
-    dispersion_index = exposure.dispersion_index(record["time"].values[used], clusters[used])
-    counted = used & (log_potency(potency) >= cut)
-    generator, steps = np.random.default_rng(seed), len(exposure.start)
-    logs, variances = np.zeros(steps), np.zeros(steps)
-    for index in range(steps):
-        sizes = potency[(step == index) & np.isfinite(potency)]
-        if not sizes.sum() > 0.0 and POTENCY not in terms:
-            logs[index], variances[index] = cut * np.log(10.0), 1.0
-            continue
-        if not sizes.sum() > 0.0:
-            raise InputError(
-                f"record: no potency in dated step number {index + 1}; calibrate to steps with recorded events, or "
-                "leave potency out of calibration.terms"
-            )
-        logs[index] = np.log(sizes.sum())
-        drawn = generator.poisson(1.0, (BOOTSTRAPS, len(sizes))) @ sizes  # numbers vary as well as sizes
-        drawn = drawn[drawn > 0.0]
-        variances[index] = np.log(drawn).var() * potency_variance_factor(sizes, dispersion_index)
-    number = np.array([np.count_nonzero(counted & (step == index)) for index in range(steps)])
-    excess = log_potency(potency[counted]) - cut
-    return RecordedOutputs(logs, np.diag(variances), number, dispersion_index, *mean_excess(excess))
-
-
-def mean_excess(excess: NDArray) -> tuple[float, float]:
-    """ln of the mean of sizes above the cut (event,), log10 potency, one decade added as in `outputs`; its error.
-
-    Of a power law that mean is 1 / (b ln 10), with a standard error of 1 / sqrt(number) of itself.
-    """
-    number = len(excess) + 1.0
-    return float(np.log((excess.sum() + 1.0) / number)), float(1.0 / np.sqrt(number))
-
-
-def covered(exposure: Exposure, steps: Sequence[DatedStep]) -> NDArray:
-    """Share of each dated step (step,) during which the record was taken. Raises InputError for a step without any."""
-    whole = Exposure.of(tuple(steps), None)
-    share = (exposure.end - exposure.start) / (whole.end - whole.start)
-    for step, part in zip(steps, share, strict=True):
-        if not part > 0.0:
-            raise InputError(
-                f"record: covers nothing of step {step.name}; calibrate to a mine file whose dated steps are recorded, "
-                "or mine this step without dates"
-            )
-    return np.asarray(share, float)
 
 
 def read_places(record: xr.Dataset, exposure: Exposure, cut: float, catalogues: Sequence[xr.Dataset]) -> Places:

@@ -13,6 +13,7 @@ import numpy as np
 from calibration.mine_files import with_values
 from calibration.settings import CalibrationSettings
 from common.errors import InputError, InputErrors
+from common.job import config_hash, content_hash, content_of, files_of
 from common.result_folders import CALIBRATION
 from workflow.configuration import load
 from workflow.mine import Mine
@@ -21,6 +22,7 @@ FILE_KEYS = ("file", "folder")  # keys of a mine file that hold a path
 ROCK_DRAWS = 5  # mine files that are drawn from the posterior
 DOUBLED, OWN = "doubled", "own"  # cells of a trial
 MIDDLE = 0.5
+APART = (0.25, 0.75)  # shares of a range between which a quantity has to change something
 EXTRACTIONS = 4  # sets of events of a trial, each with other settings of the section `seismic`, if these are calibrated
 BATCH_TRIAL = re.compile(r"batch_(?P<batch>[0-9]+)_(?P<number>[0-9]+)")  # name of a trial of a further batch
 TRIAL = "[1-9][0-9]*|batch_[0-9]+_[0-9]+"
@@ -66,6 +68,7 @@ class CalibrationTrials:
         from calibration.posterior import sobol_points  # here: runs that calibrate nothing need no scipy
 
         settings = self.settings
+        self._check_effects()
         design = sobol_points(settings.trials, len(settings.quantities), settings.seed)
         middle = np.full((settings.replicates, len(settings.quantities)), MIDDLE)
         return np.concatenate([middle, design])
@@ -136,14 +139,56 @@ class CalibrationTrials:
     def mine_at(self, name: str, row: np.ndarray, cells: str) -> Mine:
         """Configuration of a trial at one of its points."""
         try:
-            text = with_values(self.mine.text, self.settings.quantities, row)
-            text = {key: value for key, value in text.items() if key != "calibration"}
-            mine = load(text | {"ensemble": 0}, self.mine_file, self.mine.default)
+            return self._loaded(row, cells)
         except InputErrors as error:
             sys.exit("\n".join(f"calibration, trial {name}: {line}" for line in error.lines))
         except InputError as error:
             sys.exit(f"{self.mine_file}: {error}")
+
+    def _loaded(self, row: np.ndarray, cells: str) -> Mine:
+        """Configuration at a point. Raises InputError or InputErrors where its values make no mine."""
+        text = with_values(self.mine.text, self.settings.quantities, row)
+        text = {key: value for key, value in text.items() if key != "calibration"}
+        mine = load(text | {"ensemble": 0}, self.mine_file, self.mine.default)
         return mine.coarser() if cells == DOUBLED else mine
+
+    def _check_effects(self) -> None:
+        """End the run in one line if a quantity changes no setting that the outputs of a trial depend on."""
+        quantities, cells = self.settings.quantities, self.settings.cells
+        for number, quantity in enumerate(quantities):
+            rows = np.full((2, len(quantities)), MIDDLE)
+            rows[:, number] = APART
+            try:
+                runs = [_of_outputs(self._loaded(row, cells).run_slices()) for row in rows]
+            except (InputError, InputErrors):
+                continue  # the trials that have such values say so
+            if runs[0] == runs[1]:
+                sys.exit(
+                    f"{self.mine_file}: calibration.quantities[{number}].key: {quantity.key} changes no trial, as no "
+                    "run of this mine depends on it; take it off the list, or name a key that the mine uses"
+                )
+
+    @functools.cached_property
+    def posterior_hash(self) -> str:
+        """Hash of what the posterior depends on: quantities and their ranges, trials, the mine but for the values of
+        the quantities, its record, and the content of their files."""
+        middle = np.full(len(self.settings.quantities), MIDDLE)
+        known = {
+            "calibration": self.settings.given(),
+            "run": self.mine_at("in the middle of all ranges", middle, self.settings.cells).run_slices(),
+            "record": self.mine.record_slice(),
+            "steps": self._dated_steps(),
+        }
+        files = [content_of(path) for path in files_of(known)]
+        return content_hash(config_hash(known) + " ".join(files))
+
+    def _dated_steps(self) -> list[dict]:
+        return [step.model_dump(include={"name", "start", "end"}) for step in self.mine.listed_steps if step.is_dated]
+
+    def record_slice(self) -> dict:
+        """Settings that the check of the record depends on, besides the record."""
+        settings = self.settings.given()
+        return {"calibration": settings, "steps": self._dated_steps()}
 
     def slice_of(self, name: str, cells: str) -> dict:
         """Settings that a trial depends on, those of stage `trial` (workflow/stages/calibration.py)."""
@@ -162,7 +207,7 @@ class CalibrationTrials:
             "mine": mine.name,
             "calibration": self.settings.given(),
             "trials": [{"name": name, "kind": self._kind(name), "rows": self.rows(name).tolist()} for name in names],
-            "steps": [step.model_dump(include={"name", "start", "end"}) for step in mine.listed_steps if step.is_dated],
+            "steps": self._dated_steps(),
         }
         if batch is not None:
             return known | {"batch": batch}
@@ -170,6 +215,7 @@ class CalibrationTrials:
             "has_history": any(self._mines_something(step.name) for step in mine.listed_steps if not step.is_dated),
             "text": _moved(text, mine.folder, self.folder),
             "draws": ROCK_DRAWS,
+            "posterior": self.posterior_hash,
         }
 
     def _kind(self, name: str) -> str:
@@ -180,6 +226,16 @@ class CalibrationTrials:
 
     def _mines_something(self, step: str) -> bool:
         return any(excavation.step == step for excavation in self.mine.excavations)
+
+
+def _of_outputs(run: dict) -> dict:
+    """Settings of a run without those that only label its events: names and the place of the mine on Earth."""
+    labels = ("mine", "frame")
+    steps = [
+        {**step, "events": [{key: value for key, value in one.items() if key not in labels} for one in step["events"]]}
+        for step in run["steps"]
+    ]
+    return {**run, "steps": steps}
 
 
 def hash_seed(*numbers: int) -> int:

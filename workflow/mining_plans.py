@@ -10,9 +10,10 @@ from typing import Any
 
 from snakemake.utils import update_config
 
-from calibration.mine_files import copied_values
+from calibration.mine_files import copied_values, is_draw_of
 from common.errors import InputError, InputErrors
 from common.result_folders import CALIBRATION
+from workflow.calibration_trials import CalibrationTrials
 from workflow.configuration import load
 from workflow.mine import Mine
 from workflow.mine_settings import MINE_FILE_PLAN, MiningPlan
@@ -59,6 +60,12 @@ class MiningPlans:
         path = Path("results", self.mine.name, CALIBRATION, f"draw_{draw}.yaml")
         if calibration is None or not path.is_file():
             sys.exit(f"{self.mine_file}: hazard.rock: there is no {path}; run `snakemake calibrate` first")
+        if not is_draw_of(path, CalibrationTrials(self.mine, self.mine_file).posterior_hash):
+            sys.exit(
+                f"{self.mine_file}: hazard.rock: {path} is of another calibration than this file asks for (other "
+                "quantities, ranges, record or mine), or was changed since; delete it and run `snakemake calibrate` "
+                "again"
+            )
         text, file = self._written(name)
         try:
             text = copied_values(text, read_yaml(path), calibration.quantities)

@@ -6,7 +6,8 @@ import xarray as xr
 import yaml
 
 from calibration.fit import Rows, calibrate, calibrate_to_trials
-from calibration.mine_files import with_values, write_mine
+from calibration.mine_files import is_draw_of, with_values, write_mine
+from calibration.recorded import RecordedOutputs, mean_excess
 from calibration.settings import CalibratedQuantity, CalibrationSettings, cohesion_of, strength_under
 from calibration.tradeoffs import best_known_strengths, further_points, telling_observations
 from calibration.trials import (
@@ -14,17 +15,13 @@ from calibration.trials import (
     Discrepancy,
     Outputs,
     Places,
-    RecordedOutputs,
     common_cut,
-    covered,
     gains,
     nothing_fails_before_record,
     outputs,
     read_places,
-    read_record,
 )
 from catalogs.compare.exposure import Exposure
-from catalogs.settings import DatedStep
 from common.errors import InputError
 from seismic.catalog import extractions, join_extractions
 
@@ -67,24 +64,21 @@ EXPOSURE = Exposure(
 def test_outputs_sum_all_potency_and_count_resolved_events_above_the_cut():
     """Two runs; a step without anything counts as the cut, and as half an event."""
     runs = [catalogue({"one": [1.0, 2.0, 0.001], "two": []}), catalogue({"one": [0.5], "two": [4.0, 0.1]})]
-    made = outputs(runs, STEPS, -1.0, (), None).by_term
-    assert list(made) == ["potency", "number"]
+    made = outputs(runs, STEPS, -1.0).by_term
+    assert list(made) == ["potency", "number", "sizes"]
     np.testing.assert_allclose(np.exp(made["potency"]), [[3.001, 0.1], [0.5, 4.1]])
     np.testing.assert_allclose(np.exp(made["number"]), [[2.0, 0.5], [1.0, 2.0]])
-    unresolved = outputs([catalogue({"one": [1.0]}, resolved=0)], STEPS, -1.0, (), None)
+    unresolved = outputs([catalogue({"one": [1.0]}, resolved=0)], STEPS, -1.0)
     np.testing.assert_allclose(np.exp(unresolved.by_term["number"]), 0.5)
 
 
 def test_mean_size_of_a_power_law_is_that_of_its_b():
     """1 / (b ln 10), the same for model and record; one event a decade above the cut is all that an empty run has."""
     x = -1.0 + np.random.default_rng(0).exponential(1 / (1.2 * np.log(10)), 4000)
-    made = outputs([catalogue({"one": 10.0**x}), catalogue({})], STEPS, -1.0, ("sizes",), None).by_term["sizes"]
+    made = outputs([catalogue({"one": 10.0**x}), catalogue({})], STEPS, -1.0).by_term["sizes"]
     np.testing.assert_allclose(np.exp(made[0, 0]), 1 / (1.2 * np.log(10)), rtol=0.05)
     assert made[1, 0] == 0.0
-    days = np.linspace(0, 60, len(x))
-    recorded = read_record(record(days, 10.0**x), EXPOSURE, -1.0, seed=1)
-    np.testing.assert_allclose(recorded.log_excess, made[0, 0])
-    np.testing.assert_allclose(recorded.excess_error, 1 / np.sqrt(4001))
+    np.testing.assert_allclose(made[0, 0], mean_excess(x + 1.0))
 
 
 def located(location, step, floor=0.01, error=2.0):
@@ -129,46 +123,9 @@ def test_a_trial_with_several_extractions_is_so_many_catalogues():
 
 
 def test_events_count_from_the_largest_floor_of_all_runs_on():
-    """A record that is complete further down does not lower it."""
-    sizes = 10.0 ** np.random.default_rng(0).exponential(0.5, 400) * 1e-4
-    found = common_cut(
-        [catalogue({"one": [1.0]}, floor=0.01), catalogue({"one": [1.0]}, floor=0.03)],
-        record(np.linspace(0, 50, 400), sizes),
-    )
-    np.testing.assert_allclose(found, np.log10(0.03))
-
-
-def test_record_of_equal_and_of_unequal_sizes():
-    """ln of the sum; its variance is 1 / number for equal sizes (a Poisson number), larger where one event rules."""
-    generator = np.random.default_rng(3)
-    days = np.concatenate([generator.uniform(0, 31, 100), generator.uniform(31, 61, 100)])
-    equal = read_record(record(days, [0.1] * 200), EXPOSURE, -2.0, seed=1)
-    np.testing.assert_allclose(np.exp(equal.log_potency), 10.0)
-    np.testing.assert_array_equal(equal.number, 100)
-    np.testing.assert_allclose(np.diag(equal.covariance) / equal.dispersion_index, 0.01, rtol=0.15)
-    ruled = read_record(record(days, [10.0, *[0.1] * 199]), EXPOSURE, -2.0, seed=1)
-    assert ruled.covariance[0, 0] > 5.0 * ruled.covariance[1, 1]
-
-
-def test_a_step_without_recorded_events_is_refused():
-    """In one line that says what to do, and what it says helps."""
-    few = record([1.0, 2.0], [1.0, 1.0])
-    with pytest.raises(InputError, match=r"no potency in dated step number 2.*leave potency out"):
-        read_record(few, EXPOSURE, -2.0, seed=1)
-    read = read_record(few, EXPOSURE, -2.0, seed=1, terms=("number",))
-    np.testing.assert_array_equal(read.number, [2, 0])
-
-
-def test_steps_count_for_the_time_that_the_record_covers():
-    """A record that begins in mid-August covers half of that step; a step before it is refused."""
-    steps = [
-        DatedStep(name=name, start=start, end=end)
-        for name, start, end in (("one", "2019-08-01", "2019-09-01"), ("two", "2019-09-01", "2019-10-01"))
-    ]
-    exposure = Exposure.of(tuple(steps), ("2019-08-16T12:00:00", "2019-10-01"))
-    np.testing.assert_allclose(covered(exposure, steps), [0.5, 1.0])
-    with pytest.raises(InputError, match="covers nothing of step one"):
-        covered(Exposure.of(tuple(steps), ("2019-09-02", "2019-10-01")), steps)
+    """A record that is complete further down does not lower it, one that is not raises it."""
+    runs = [catalogue({"one": [1.0]}, floor=0.01), catalogue({"one": [1.0]}, floor=0.03)]
+    np.testing.assert_allclose([common_cut(runs, -3.0), common_cut(runs, -1.0)], [np.log10(0.03), -1.0])
 
 
 def test_nothing_fails_before_the_record_where_no_rock_fails_in_any_trial():
@@ -220,7 +177,8 @@ def trials_at(points, noise=0.05, seed=6):
 
 def fitted(rows, values, number, variance=0.01):
     """Calibrated to a record of these values."""
-    recorded = RecordedOutputs(values, variance * np.eye(2), number, 2.0)
+    errors = np.sqrt(3 * variance) * np.concatenate([np.eye(3), -np.eye(3)])
+    recorded = RecordedOutputs(values, number, 2.0, 0.0, errors)
     return calibrate(rows, CellCorrection.none(rows.outputs), recorded, ("potency", "number"), 0.1, seed=1)
 
 
@@ -389,16 +347,21 @@ def test_a_key_of_events_may_be_left_at_its_default():
 
 
 def test_mine_files_take_the_values_and_nothing_else(tmp_path):
-    """Only the named key changes; a key that the mine file lacks is refused with the nearest one."""
+    """Only the named key changes; a key that the mine file lacks is refused with the nearest one. A draw is known by
+    its posterior, and by its content."""
     text = {"name": "mine", "materials": {"host": {"cohesion": {"intact": "8 MPa", "residual": "2 MPa"}}}}
     quantity = CalibratedQuantity.read(
         {"key": "materials.host.cohesion.residual", "range": ["1 MPa", "3 MPa"], "source": "test"}
     )
-    write_mine(tmp_path / "middle.yaml", text, [quantity], [0.25])
+    write_mine(tmp_path / "middle.yaml", text, [quantity], [0.25], "posterior")
     written = yaml.safe_load((tmp_path / "middle.yaml").read_text())
     assert written["materials"]["host"]["cohesion"] == {"intact": "8 MPa", "residual": "1.5 MPa"}
     assert written["name"] == "mine_middle"
     assert text["materials"]["host"]["cohesion"]["residual"] == "2 MPa"
+    assert is_draw_of(tmp_path / "middle.yaml", "posterior")
+    assert not is_draw_of(tmp_path / "middle.yaml", "another")
+    (tmp_path / "middle.yaml").write_text((tmp_path / "middle.yaml").read_text().replace("1.5 MPa", "1.6 MPa"))
+    assert not is_draw_of(tmp_path / "middle.yaml", "posterior")
     slip = CalibratedQuantity.read(
         {"key": "materials.host.cohesion.residul", "range": ["1 MPa", "3 MPa"], "source": "test"}
     )

@@ -7,9 +7,10 @@ import pytest
 
 from calibration.fit import Rows, calibrate
 from calibration.posterior import sobol_points
+from calibration.recorded import RecordedOutputs
 from calibration.settings import CalibrationSettings, strength_under
 from calibration.stages import Calibration
-from calibration.trials import CellCorrection, Discrepancy, Outputs, RecordedOutputs
+from calibration.trials import MEAN_POTENCY, CellCorrection, Discrepancy, Outputs
 from verification.calibration_truth import claims
 from verification.calibration_truth.settings import SAME_LAW, case_slice, records, truths
 from verification.calibration_truth.study import draw, intervals
@@ -49,7 +50,8 @@ def calibrated(shift=0.0, correction=None) -> Calibration:
     made = {"potency": simulator(points) + chance[0], "number": simulator(points) + 3.0 + chance[1]}
     rows = Rows(points, Outputs(made), np.arange(40))
     expected = simulator(TRUTH)[0] + shift
-    recorded = RecordedOutputs(expected, 0.01 * np.eye(2), np.round(np.exp(expected + 3.0)).astype(int), 1.5)
+    number = np.round(np.exp(expected + 3.0)).astype(int)
+    recorded = RecordedOutputs(expected, number, 1.5, 0.0, np.sqrt(0.03) * np.concatenate([np.eye(3), -np.eye(3)]))
     correction = correction or CellCorrection.none(rows.outputs)
     fit = calibrate(rows, correction, recorded, ("potency", "number"), 0.1, seed=1)
     return Calibration(SETTINGS, ("one", "two"), [], -2.0, rows, None, fit)
@@ -92,7 +94,7 @@ def test_a_twin_comes_back_and_one_from_other_cells_only_with_their_correction(f
     blind = calibrated(shift=0.8)
     low, _, high = blind.fit.posterior.quantiles(claims.SHARES)
     assert not ((low <= truth) & (truth <= high)).all()
-    error = {term: Discrepancy(0.2, 0.05) for term in ("potency", "number")}
+    error = {term: Discrepancy(0.2, 0.05) for term in ("potency", "number")} | {MEAN_POTENCY: Discrepancy(0.05, 0.05)}
     told = calibrated(shift=0.8, correction=CellCorrection(np.full(4, 0.8), error))
     assert all(row.holds for row in claims.twin_claims(told, "other cells", truth, told.fit, wanted_flag=False))
 

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from tiny_mines import ROOT, TINY, changed, edited, merged, snakemake, write_mine
 
+from common.job import content_of
 from workflow.calibration_trials import CalibrationTrials
 from workflow.configuration import load
 
@@ -15,7 +16,8 @@ QUANTITIES = [
     {"key": "materials.host.friction_angle.residual", "range": ["15 deg", "25 deg"], "source": "test"},
 ]
 FEW = {"trials": 4, "batches": 1, "batch_trials": 1}
-CALIBRATED = changed(TINY, calibration={"quantities": QUANTITIES, "trials": 6, "replicates": 1, "pairs": 2})
+DESIGN = {"trials": 6, "replicates": 1, "pairs": 2, "complete_above": "0.001 m^3"}
+CALIBRATED = changed(TINY, calibration={"quantities": QUANTITIES, **DESIGN})
 BATCHED = changed(CALIBRATED, **{f"calibration.{key}": number for key, number in FEW.items()})
 
 
@@ -67,6 +69,54 @@ def test_values_that_make_no_mine_are_refused_with_their_trial(tmp_path):
     widest = 1 + int(trials.points[1:].argmax())
     with pytest.raises(SystemExit, match=f"calibration, trial {widest + 1}"):
         trials.slice_of(str(widest + 1), "own")
+
+
+@pytest.mark.parametrize(
+    ("key", "ends"),
+    [
+        ("record.location_error", ["1 m", "9 m"]),
+        ("materials.spare.youngs_modulus", ["45 GPa", "70 GPa"]),
+        ("frame.latitude", [-42.0, -41.0]),
+    ],
+)
+def test_a_quantity_that_changes_no_trial_is_refused_when_trials_are_planned(key, ends, tmp_path):
+    """Of the record, of a material that no rock has, a label of events: in one line with its key,
+    beside a quantity that changes trials."""
+    spare = {"spare": dict(CALIBRATED["materials"]["host"])}
+    idle = {"key": key, "range": ends, "source": "test"}
+    values = {"materials": CALIBRATED["materials"] | spare, "calibration.quantities": [QUANTITIES[0], idle]}
+    with pytest.raises(SystemExit, match=rf"calibration.quantities\[1\].key: {key} changes no trial") as refused:
+        _ = trials_of(changed(CALIBRATED, **values), tmp_path).all_names
+    assert "\n" not in str(refused.value)
+
+
+def test_a_posterior_is_known_by_all_that_it_depends_on(tmp_path):
+    """Another range, other trials, rock, stress, record or dates make another posterior. Values of the calibrated
+    quantities themselves, plans, hazard and the name of a folder do not."""
+    same = trials_of(CALIBRATED, tmp_path).posterior_hash
+    narrower = [QUANTITIES[0], {**QUANTITIES[1], "range": ["16 deg", "25 deg"]}]
+    for key, value in (
+        ("calibration.quantities", narrower),
+        ("calibration.quantities", QUANTITIES[:1]),
+        ("calibration.trials", 7),
+        ("calibration.terms", ["number"]),
+        ("insitu_stress.gradient.yy", "-0.05 MPa/m"),
+        ("materials.host.youngs_modulus", "50 GPa"),
+        ("record.location_error", "6 m"),
+        ("steps", [{"name": "history"}, {"name": "2019-08", "start": "2019-08-01", "end": "2019-08-20"}]),
+    ):
+        assert trials_of(changed(CALIBRATED, **{key: value}), tmp_path).posterior_hash != same, key
+    for key, value in (
+        ("materials.host.cohesion.residual", "0.7 MPa"),
+        ("hazard", {"rock": "posterior"}),
+        ("comparison.resamplings", 199),
+    ):
+        assert trials_of(changed(CALIBRATED, **{key: value}), tmp_path).posterior_hash == same, key
+    file = write_mine(CALIBRATED, tmp_path / "mine.yaml")
+    record = tmp_path / CALIBRATED["record"]["file"]
+    record.write_text(record.read_text() + "2019-08-09,45,45,35,-1\n")
+    content_of.cache_clear()
+    assert CalibrationTrials(load(merged(CALIBRATED), file), file).posterior_hash != same
 
 
 def test_a_trial_has_a_row_for_each_setting_of_what_changes_events_only(tmp_path):

@@ -1,5 +1,6 @@
 """`snakemake plans` for the tiny mine: what runs, what is shared, what stands after it."""
 
+import contextlib
 import shutil
 import sys
 from pathlib import Path
@@ -8,9 +9,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from stand_ins import program
-from tiny_mines import FLAT, NEXT_STEP, STILL, TINY, changed, edited, hashes, jobs, snakemake, write_mine
+from tiny_mines import FLAT, NEXT_STEP, STILL, TINY, changed, edited, hashes, jobs, merged, snakemake, write_mine
 
+from calibration.mine_files import stamped
 from common.job import read_job
+from workflow.calibration_trials import CalibrationTrials
+from workflow.configuration import load
 
 PLANS = {
     "swapped": {
@@ -164,6 +168,7 @@ def test_plans_in_rock_that_a_calibration_has_drawn(planned, base, tmp_path):
     quantity = {"key": "materials.host.cohesion.residual", "range": ["0.3 MPa", "0.8 MPa"], "source": "made up"}
     values = {"plans": {"swapped": PLANS["swapped"]}, "hazard.rock": "posterior"}
     mine = changed(PLANNED, calibration={"trials": 8, "quantities": [quantity]}, **values)
+    other = changed(mine, **{"calibration.quantities": [{**quantity, "range": ["0.2 MPa", "0.8 MPa"]}]})
     results, residual = folder / "results/tiny", {draw: 0.25e6 + 0.1e6 * draw for draw in range(1, 6)}
     with edited(base / "files" / "tiny.yaml", mine) as file:
         status, text = snakemake(file, folder, "--dry-run", "plans")
@@ -172,6 +177,16 @@ def test_plans_in_rock_that_a_calibration_has_drawn(planned, base, tmp_path):
         for draw, value in residual.items():
             drawn = changed(TINY, **{"materials.host.cohesion.residual": f"{value:g} Pa"})
             write_mine(drawn, results / f"calibration/draw_{draw}.yaml")
+        trials = CalibrationTrials(load(merged(mine), file), file)
+        with contextlib.chdir(folder):
+            posterior = trials.posterior_hash
+        for path in (results / "calibration").glob("draw_*.yaml"):
+            path.write_text(stamped(path.read_text(), posterior))
+    with edited(base / "files" / "tiny.yaml", other) as file:
+        status, text = snakemake(file, folder, "--dry-run", "plans")
+        assert status != 0
+        assert "calibration/draw_1.yaml is of another calibration than this file asks for" in text
+    with edited(base / "files" / "tiny.yaml", mine) as file:
         stages = program(IN_DRAWN_ROCK, tmp_path / "in_drawn_rock")
         status, text = snakemake(file, folder, "plans", interpreter=stages)
     assert status == 0, text

@@ -32,6 +32,7 @@ DEFAULT = ROOT / "config" / "default.yaml"
 STAGES = {
     *("scene", "grid", "elastic", "step", "companion", "events", "catalogue", "record", "comparison", "report"),
     *("report_page", "plan_outcome", "plans", "flaws", "excess_shear", "baselines", "trial", "further", "calibrate"),
+    "calibration_record",
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")

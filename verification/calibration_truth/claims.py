@@ -123,12 +123,12 @@ def flag_claim(record: str, posterior: Posterior, wanted_flag: bool) -> Claim:
 def fit_to_catalogue(found: Calibration, catalogue: xr.Dataset) -> Fit:
     """Fit of a calibration's trials to a modelled catalogue on their own cells, as uncertain as the mine's record."""
     (events,) = extractions(catalogue)
-    made = outputs([events], found.steps, found.cut, found.settings.terms, found.places)
+    made = outputs([events], found.steps, found.cut, found.places)
     recorded = replace(
         found.fit.recorded,
         log_potency=made.by_term[POTENCY][0],
         number=np.round(np.exp(made.by_term[NUMBER][0])).astype(int),
-        log_excess=float(made.by_term[SIZES][0, 0]) if SIZES in made.by_term else found.fit.recorded.log_excess,
+        log_excess=float(made.by_term[SIZES][0, 0]),
     )
     by_term = dict(found.rows.outputs.by_term)
     if found.places is not None and PLACES in by_term:

@@ -6,6 +6,29 @@ TRIALS = CalibrationTrials(MINE, MINE_FILE)
 TRIAL_RESULTS = f"results/{MINE.name}/{CALIBRATION}"
 
 
+rule calibration_record:
+    """Refuses a record that cannot be calibrated to, before any trial."""
+    input:
+        **INPUTS.of(
+            "calibration_record",
+            settings=lambda wildcards: TRIALS.record_slice(),
+            record=FILES.own("record.nc"),
+        ),
+    output:
+        f"{TRIAL_RESULTS}/record.json",
+    log:
+        f"{OWN_LOGS}/{CALIBRATION}/record.log",
+    localrule: True
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    shell:
+        RUN
+
+
 rule trial:
     """One trial: a run of the mine with other values of the calibrated quantities, as one job."""
     input:
@@ -13,6 +36,7 @@ rule trial:
             "trial", "{cells}/{trial}", settings=lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells)
         ),
         cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
+        record=ancient(f"{TRIAL_RESULTS}/record.json"),  # no trial runs for a record that is refused
     output:
         f"{TRIAL_RESULTS}/{{cells}}/{{trial}}.nc",
     log:

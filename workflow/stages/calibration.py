@@ -25,6 +25,14 @@ def trial(job: Job) -> None:
 
 
 @stage("calibration")
+def calibration_record(job: Job) -> None:
+    """a look at the record before any trial: can it be calibrated to?"""
+    from calibration.stages import record_stage
+
+    record_stage(job.settings, record=job.input("record"), output=job.output())
+
+
+@stage("calibration")
 def further(job: Job) -> None:
     """where further trials teach most"""
     from calibration.stages import further_stage
