@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from running import run_study
 
 from verification.answers import coverage
+from verification.answers.coverage import calibration
 from verification.answers.coverage.comparison import detected_sizes
 
 
@@ -39,6 +40,7 @@ def test_the_reduced_study_holds_wider_bounds(tmp_path):
     first_page = chosen["first_page"]
     first_page |= {"catalogues": 4, "cases": [case for case in first_page["cases"] if len(case.get("wrong", ())) > 2]}
     chosen["plans"] |= {"catalogues": 2, "plans": 4, "fewest": 1}  # test_coverage_of_plans.py looks at them
+    chosen["calibration"]["cases"] = []  # below
     wider = {"power": 0.0, "coverage": 0.93 - 0.27, "given": 0.6, "alarms": 0.07 + 0.27}
     results.study = replace(results.study, settings=chosen, allowed=results.study.allowed | wider)
     rows, figure = coverage.answer(results)
@@ -50,6 +52,25 @@ def test_the_reduced_study_holds_wider_bounds(tmp_path):
     rows = [row for row in rows if not is_of_baselines(row) and not is_of_plans(row)]
     expected += sum(3 + len(case["wrong"]) for case in first_page["cases"])
     assert len({row.quantity for row in rows}) == len(rows) == expected
+
+
+def test_calibrations_of_a_mine_in_closed_form_hold_the_truth_and_warn(tmp_path):
+    """A dozen records each: bursts whose truth lies within the ranges, a truth beyond them, and another b."""
+    results = run_study("coverage", tmp_path)
+    chosen = copy.deepcopy(results.study.settings)
+    small = {"catalogues": 12, "trials": 24, "replicates": 4}
+    names = {"12 bursts of 5 a step", "truth beyond a range", "another b"}
+    cases = [case for case in chosen["calibration"]["cases"] if case["name"] in names]
+    for case in cases:
+        case.pop("self_tests", None)
+    chosen["calibration"] |= small | {"cases": cases}
+    allowed = results.study.allowed | {"warned": 0.5, "false_warnings": 0.2}
+    coverages, rows = calibration.answer(chosen, allowed)
+    assert [coverage.name for coverage in coverages] == ["calibration, 12 bursts of 5 a step"]
+    assert coverages[0].given == 1.0
+    assert coverages[0].held >= 0.8
+    assert len(rows) == 4
+    assert [row.quantity for row in rows if row.passed is not True] == []
 
 
 def test_detected_sizes_are_rounded_and_fade():

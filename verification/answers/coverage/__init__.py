@@ -8,14 +8,14 @@ subject is a module with a function `answer`, which takes settings and bounds, a
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from verification.answers.coverage import baselines, comparison, first_page, plans
+from verification.answers.coverage import baselines, calibration, comparison, first_page, plans
 from verification.answers.coverage.shares import Coverage, coverage_rows
 from verification.page_tables import Pivot
 from verification.plots import plot_errors
 from verification.results import Results
 from verification.rows import Row
 
-NUMERICS = ("baselines", "catalogs", "plans")  # Folders that the results may change with.
+NUMERICS = ("baselines", "calibration", "catalogs", "plans")  # Folders that the results may change with.
 
 TABLES = (
     Pivot(
@@ -38,8 +38,13 @@ TABLES = (
         r"(?P<row>.+): (?P<column>\w+) of the size that pages state, noticed .+",
         "measured",
     ),
+    Pivot(
+        "Share of calibrations with a warning, right ones and false ones, and coverage by the self-test",
+        r"(?P<row>calibration, .+): (?P<column>warned.+|coverage that the self-test states) \(.*error: .+\)",
+        "measured",
+    ),
 )
-SUBJECTS = (comparison.answer, baselines.answer, first_page.answer, plans.answer)
+SUBJECTS = (comparison.answer, baselines.answer, first_page.answer, plans.answer, calibration.answer)
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:

@@ -15,12 +15,16 @@ Intervals = dict[str, tuple[tuple[float, float] | None, float]]
 
 @dataclass(frozen=True)
 class Coverage:
-    """A case: catalogues drawn, share of these with an interval, and share of those that hold the truth."""
+    """A case: catalogues drawn, share of these with an interval, and share of those that hold the truth.
+
+    least: smallest share that is allowed, where it is not that of the study.
+    """
 
     name: str
     drawn: int
     given: float
     held: float
+    least: float | None = None
 
     @property
     def error(self) -> float:
@@ -62,7 +66,7 @@ def alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
 
 def coverage_rows(one: Coverage, allowed: dict) -> list[Row]:
     """Rows of the share of catalogues with an interval, and of the share of intervals that hold the truth."""
-    least, often = allowed["coverage"], allowed["given"]
+    least, often = one.least or allowed["coverage"], allowed["given"]
     coverage = f"{one.name}: coverage of the 95 % interval (error: short of {least:g})"
     given = f"{one.name}: share of catalogues with an interval (error: short of {often:g})"
     remark = f"{one.drawn} catalogues, Monte Carlo standard error {one.error:.4f}"
