@@ -266,10 +266,9 @@ def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity]) 
     error = 100.0 * np.sqrt(0.9 * 0.1 / tested.held.size)
     return (
         f"For each of the {len(tested.held)} designed trials a record was made with its values, of what all other "
-        "trials predict there, and calibrated to without the trial. Its events come in clusters like the record's, with "
-        "sizes drawn at random. The 90 % intervals hold "
-        f"{100 * tested.coverage:.0f} % of the values that made the trials (standard error {error:.0f} %). Their mean "
-        f"width, over that of the prior: {widths}."
+        "trials predict there, and calibrated to without the trial. Its events come in clusters like the record's, "
+        f"with sizes drawn at random. The 90 % intervals hold {100 * tested.coverage:.0f} % of the true values "
+        f"(standard error {error:.0f} %). Their mean width, over that of the prior: {widths}."
     )
 
 

@@ -158,11 +158,10 @@ def record_stage(given: dict, *, record: Path, output: Path) -> None:
 
     Raises InputError where this is not known, or the record lacks what the terms need.
     """
-    settings = CalibrationSettings.of(given["calibration"], "calibration")
     dated, read = tuple(DatedStep.of(step) for step in given["steps"]), read_dataset(record)
-    check_record(read, dated, Exposure.of(dated, common_period(read)), settings.terms)
+    check_record(read, dated, Exposure.of(dated, common_period(read)), given["terms"])
     with atomic_path(output) as temporary:
-        complete = complete_above(read, settings.complete_above)
+        complete = complete_above(read, given["complete_above"])
         temporary.write_text(json.dumps({"complete_above_log10_potency": complete}), encoding="utf-8")
 
 

@@ -187,8 +187,8 @@ class CalibrationTrials:
 
     def record_slice(self) -> dict:
         """Settings that the check of the record depends on, besides the record."""
-        settings = self.settings.given()
-        return {"calibration": settings, "steps": self._dated_steps()}
+        settings = self.settings
+        return {"terms": settings.terms, "complete_above": settings.complete_above, "steps": self._dated_steps()}
 
     def slice_of(self, name: str, cells: str) -> dict:
         """Settings that a trial depends on, those of stage `trial` (workflow/stages/calibration.py)."""
