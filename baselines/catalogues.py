@@ -6,6 +6,7 @@ mining raises excess shear stress (Ryder 1988).
 
 import json
 import logging
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,7 @@ from baselines.flaws import (
 from baselines.settings import FlawSlice, FlawStrength, StressSlice
 from catalogs.compare.exposure import Exposure, common_period
 from catalogs.settings import DatedStep
+from common.costs import duration_text
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import new_catalog, read_events
@@ -202,11 +204,15 @@ def flaw_runs(states: Sequence[Path], targets: RecordedTargets, settings: FlawSl
         "flaws": seeds,
         "crack_density": crack_density,
     }
-    runs = []
+    runs, start = [], time.perf_counter()
     for run in range(RUNS):
         generator = np.random.default_rng([settings.seed, run])
         runs.append(_slip_once(rock, law, density, targets, settings, attributes, generator))
-        logging.info("run %d: %d events, %d recorded", run, runs[-1].sizes["event"], targets.number)
+        left = (time.perf_counter() - start) / len(runs) * (RUNS - len(runs))
+        logging.info(
+            "run %d: %d events, %d recorded; about %s left",
+            *(run, runs[-1].sizes["event"], targets.number, duration_text(left)),
+        )
     return runs
 
 

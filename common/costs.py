@@ -53,6 +53,17 @@ def cost_of(log: str | os.PathLike) -> Costs | None:
     return Costs(**{key: float(value or 0.0) for key, value in found.groupdict().items()}) if found else None
 
 
+def duration_text(seconds: float) -> str:
+    """A time in the unit that suits it.
+
+    >>> duration_text(0.2), duration_text(130.0), duration_text(9000.0)
+    ('1 s', '2 min', '2.5 h')
+    """
+    if seconds < 90.0:
+        return f"{max(round(seconds), 1)} s"
+    return f"{round(seconds / 60)} min" if seconds < 5400.0 else f"{seconds / 3600:.1f} h"
+
+
 def processor_time() -> float:
     """User and system time so far, s: of all threads of this process, and of those that it started and that ended."""
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)

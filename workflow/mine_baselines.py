@@ -6,11 +6,13 @@ import sys
 from pathlib import Path
 
 from baselines.settings import BaselineSettings
+from common.costs import cost_of, duration_text
 from common.result_folders import BASELINES, ELASTIC_ROCK
 from mpm_core.constitutive.laws import can_fail
 from workflow.mine import Mine
 
 SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 6.0  # radii of flaws over the edge of the finest cell, where none are given
+CATALOGUES = ("flaws", "excess_shear")
 STRENGTH = ("friction_angle", "cohesion")
 
 
@@ -23,6 +25,7 @@ class MineBaselines:
     def __init__(self, mine: Mine, mine_file: Path):
         self.mine = mine
         self.mine_file = Path(os.path.relpath(mine_file))
+        self._has_told = False
 
     @functools.cached_property
     def settings(self) -> BaselineSettings:
@@ -65,6 +68,30 @@ class MineBaselines:
         names = ["elastic", *(f"steps/{step}" for step in self.mine.mined_steps)]
         return [f"results/{self.mine.name}/{ELASTIC_ROCK}/{name}.nc" for name in names]
 
+    def tell_cost(self) -> None:
+        """Print once, to stderr, which jobs the page needs that are not made yet, and about how long they take.
+
+        An elastic state takes as long as the mine's own one, each baseline as long as in its last run.
+        """
+        if self._has_told:
+            return
+        self._has_told = True
+        name = self.mine.name
+        made = [("{} elastic states", self.states(), f"logs/{name}/elastic.log")] + [
+            (one, [f"results/{name}/{BASELINES}/{one}_runs.nc"], f"logs/{name}/{BASELINES}/{one}.log")
+            for one in CATALOGUES
+        ]
+        parts = []
+        for what, files, log in made:
+            if missing := sum(not Path(file).is_file() for file in files):
+                cost = cost_of(log)
+                time = f"about {duration_text(missing * cost.seconds)}" if cost else "time not known yet"
+                parts.append(f"{what.format(missing)} ({time})")
+        if parts:
+            own = sum(not Path(f"results/{name}/steps/{step}.nc").is_file() for step in self.mine.mined_steps)
+            first = f"; first {own} steps of the mine itself" if own else ""
+            print(f"{name}: baselines need {', '.join(parts)}{first}", file=sys.stderr)
+
     def excess_shear_slice(self) -> dict:
         """Settings that catalogues of excess shear stress depend on, besides states, record and comparison."""
         mine, settings = self.mine, self.settings
@@ -86,6 +113,7 @@ class MineBaselines:
 
     def report_slice(self) -> dict:
         """Settings that the page of the baselines depends on, besides catalogues, comparison and record."""
+        self.tell_cost()
         planned = [entry.name for entry in self.mine.excavations if self.mine.step_index(entry.step) < 0]
         compared = {key: value for key, value in self.mine.comparison_slice().items() if key != "members"}
         since = self.settings.since

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from common.costs import cost_of
+from common.costs import cost_of, duration_text
 
 CONFIG = "config"  # setting of the report's job: the mine file as written, whose keys a user knows
 AS_MADE = {"default", "insitu"}  # settings of that job which only follow from the mine file, or from the program
@@ -76,7 +76,7 @@ def notice(jobs: Sequence[RepeatedJob], cores: int) -> str:
     named = ", ".join(f"{rule} ({count})" if count > 1 else rule for rule, count in rules.items())
     seconds = sum(job.seconds * min(job.threads, cores) / cores for job in again)
     text = f"runs again, and replaces results: {named}"
-    text += f"; about {_duration(seconds)}, by the times of the last run" if seconds else ""
+    text += f"; about {duration_text(seconds)}, by the times of the last run" if seconds else ""
     changes = _named(change for job in again for change in job.changes())
     return text + (f"\nbecause of changes: {changes}" if changes else "")
 
@@ -89,10 +89,3 @@ def _named(changes: Iterable[tuple[str, str]]) -> str:
     names = [*(found[WRITTEN] or found[SETTING]), *found[OTHER]]
     more = f" and {len(names) - MAX_CHANGES_SHOWN} more" if len(names) > MAX_CHANGES_SHOWN else ""
     return ", ".join(names[:MAX_CHANGES_SHOWN]) + more
-
-
-def _duration(seconds: float) -> str:
-    """A time in the unit that suits it."""
-    if seconds < 90.0:
-        return f"{max(round(seconds), 1)} s"
-    return f"{round(seconds / 60)} min" if seconds < 5400.0 else f"{seconds / 3600:.1f} h"

@@ -8,6 +8,7 @@ import xarray as xr
 from tiny_mines import FLAT, TINY, changed, edited, hashes, merged, snakemake, write_mine
 
 from baselines.settings import BaselineReportSlice, FlawSlice, StressSlice
+from common.costs import Costs
 from workflow.configuration import load
 from workflow.folders import Folders
 from workflow.mine_baselines import MineBaselines
@@ -122,6 +123,40 @@ def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     assert slice_["filter"] == {"lower": [10.0, -1000.0, 10.0], "end": "2019-08-20"}
     assert mine_baselines.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
     assert mine_baselines.report_slice()["since"] == "2019-07-01"
+
+
+def test_the_cost_of_baselines_is_told_once_before_they_run(tmp_path, monkeypatch, capsys):
+    """Three elastic states, each as long as the mine's own one of a minute; each baseline as long as last time."""
+    monkeypatch.chdir(tmp_path)
+    baselines_of(TINY, tmp_path).report_slice()
+    assert capsys.readouterr().err == (
+        "tiny: baselines need 3 elastic states (time not known yet), flaws (time not known yet), excess_shear (time "
+        "not known yet); first 2 steps of the mine itself\n"
+    )
+
+    def write(path: str, seconds: float = 0.0) -> None:
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(f"{Costs(seconds, seconds, 0.0, 900.0).closing_line('stage')}\n")
+
+    for step in ("history", "2019-08"):
+        write(f"results/tiny/steps/{step}.nc")
+    write("logs/tiny/elastic.log", 60.0)
+    write("logs/tiny/baselines/flaws.log", 300.0)
+    write("logs/tiny/baselines/excess_shear.log", 20.0)
+    told = baselines_of(TINY, tmp_path)
+    told.report_slice()
+    assert capsys.readouterr().err == (
+        "tiny: baselines need 3 elastic states (about 3 min), flaws (about 5 min), excess_shear (about 20 s)\n"
+    )
+    for path in (*told.states(), "results/tiny/baselines/flaws_runs.nc"):
+        write(path)
+    told.report_slice()
+    assert capsys.readouterr().err == ""
+    baselines_of(TINY, tmp_path).report_slice()
+    assert capsys.readouterr().err == "tiny: baselines need excess_shear (about 20 s)\n"
+    write("results/tiny/baselines/excess_shear_runs.nc")
+    baselines_of(TINY, tmp_path).report_slice()
+    assert capsys.readouterr().err == ""
 
 
 def test_a_face_reaches_the_comparison_and_is_checked(accept, refuse, monkeypatch):
