@@ -7,10 +7,24 @@ import pandas as pd
 
 from baselines.map_scores import MIN_CLUSTERS, SIGNIFICANCE, Estimate, MapScores, adjusted, verdict_of
 from baselines.months import MEASURES, Months, Rate
-from catalogs.report.text import between, fixed, hundredths, number, percent, plural, whole
+from catalogs.report.text import NEAREST, between, fixed, hundredths, number, percent, plural, whole
 from common.datasets import atomic_path
 
 OF_RECORD = ("all_earlier", "last")  # Maps that need a record; the others of the table need none.
+
+
+def times(gain, rounding: str = NEAREST) -> str:
+    """How many times as probable a recorded place is with this mean gain, nats: the geometric mean over events.
+
+    >>> times(1.0), times(-0.1)
+    ('2.7 times', '0.90 times')
+    """
+    return f"{factor(gain, rounding)} times"
+
+
+def factor(gain, rounding: str = NEAREST) -> str:
+    """The number of `times`, as a form of `between`."""
+    return number(np.exp(float(gain)), 2, rounding)
 
 
 def sentences(months: Months) -> list[str]:
@@ -30,17 +44,17 @@ def sentences(months: Months) -> list[str]:
     best = max((one for one in OF_RECORD if np.isfinite(mean[one])), key=lambda one: mean[one])
     others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", "ceiling")]
     tests = {
-        (pipeline, best): ("The pipeline", ""),
-        **{(pipeline, one): ("The pipeline", f"than the map “{names[one]}”") for one in others},
-        ("mixed", "all_earlier"): ("Half mixed with the pipeline, the map of all earlier months", ""),
+        (pipeline, best): ("the pipeline's map", "that map of the record"),
+        **{(pipeline, one): ("the pipeline's map", f"the map “{names[one]}”") for one in others},
+        ("mixed", "all_earlier"): ("the map of all earlier months, half mixed with the pipeline's", "it without that"),
     }
     leads = [scores.lead(*pair) for pair in tests]
     raised = adjusted([lead.p_value for lead in leads]) if scores.has_intervals else [np.nan] * len(leads)
     first, *rest = (_lead(lead, p, *words) for lead, p, words in zip(leads, raised, tests.values(), strict=True))
     lines = [
-        f"In {plural(steps, 'step')} with earlier months the map of the pipeline gains {fixed(mean[pipeline], 2)} nats "
-        f"per recorded event over a uniform rate, and the best map of the record, {names[best]}, "
-        f"{fixed(mean[best], 2)}. {first}"
+        f"In {plural(steps, 'step')} with earlier months, the place of a recorded event is on average "
+        f"{times(mean[pipeline])} as probable under the pipeline's map as under a uniform rate, and "
+        f"{times(mean[best])} under the best map of the record ({names[best]}). {first}".strip()
     ]
     lines += rest if scores.has_intervals else [too_few_clusters(scores)]
     return lines + _rate_sentences(months)
@@ -75,14 +89,15 @@ def too_few_clusters(scores: MapScores) -> str:
 
 
 def _lead(lead: Estimate, p_value: float, name: str, than: str) -> str:
-    """Say by how much a map gains more or less than another, and whether that may be chance; empty if not known."""
+    """Say how many times as probable one map makes recorded places as another, and whether that may be chance.
+
+    Empty if it is not known.
+    """
     if not np.isfinite(p_value):
         return ""
-    text = f"{name} gains {fixed(abs(lead.value), 2)} {'more' if lead.value >= 0.0 else 'less'}"
-    text = " ".join([text, than]).strip()
     return (
-        f"{text} (difference {between(lead.interval, hundredths)}; T test, {p_text(p_value)}), which is "
-        f"{verdict_of(p_value)}."
+        f"Under {name} it is {times(lead.value)} as probable as under {than} (95 % interval "
+        f"{between(lead.interval, factor)}), which is {verdict_of(p_value)} (T test, {p_text(p_value)})."
     )
 
 

@@ -15,11 +15,13 @@ from baselines.catalogues import split_runs
 from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
 from baselines.models import NUMBER, POTENCY, Counted, Model, ModelComparison, compare_with_record
 from baselines.month_report import (
+    factor,
     map_rows,
     nuisance_rows,
     p_text,
     rate_rows,
     sentences,
+    times,
     too_few_clusters,
     write_months,
     write_rates,
@@ -48,11 +50,15 @@ def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
     """
     own, *others = models
     mean, interval = scores.mean(), scores.interval()
-    gain = f"{fixed(mean[0], 2)} nats per recorded event over a uniform rate"
+    ends = f"95 % interval {between(interval[0], factor)}; " if scores.has_intervals else ""
+    gain = (
+        f"Under {own.name} the place of a recorded event is on average {times(mean[0])} as probable as under a uniform "
+        f"rate ({ends}information gain {fixed(mean[0], 2)} nats)."
+    )
     if not scores.has_intervals:
-        return [too_few_clusters(scores), f"The gain of {own.name} is {gain}."]
+        return [too_few_clusters(scores), gain]
     if not others:
-        return [f"{own.name[0].upper()}{own.name[1:]} gains {gain} (95 % interval {between(interval[0], hundredths)})."]
+        return [gain]
     leads = [scores.lead(own.label, other.label) for other in others]
     raised = adjusted([lead.p_value for lead in leads])
     places = "better than", "worse than", "neither better nor worse than"
@@ -64,16 +70,14 @@ def verdict(models: Sequence[Model], scores: MapScores) -> list[str]:
     known = ", as far as this record can tell" if named[places[2]] else ""
     lines = [
         f"{own.name[0].upper()}{own.name[1:]} places recorded events {said}{known}.",
-        f"It gains {gain} (95 % interval {between(interval[0], hundredths)}).",
+        gain,
     ]
     if not np.nanmax(mean) > 0.0:
         lines.insert(1, "No model places them better than a uniform rate.")
     for other, lead, p_value in zip(others, leads, raised, strict=True):
-        more = "more" if lead.value >= 0.0 else "less"
-        ends = between(np.sort(lead.interval * (1.0 if more == "more" else -1.0)), hundredths)
         lines.append(
-            f"That is {fixed(abs(lead.value), 2)} ({ends}) {more} than by {other.name}, which is {verdict_of(p_value)} "
-            f"(T test, {p_text(p_value)})."
+            f"It is {times(lead.value)} as probable as under {other.name} (95 % interval "
+            f"{between(lead.interval, factor)}), which is {verdict_of(p_value)} (T test, {p_text(p_value)})."
         )
     return lines
 

@@ -34,6 +34,11 @@ class Costs:
         """Processor time of every run, s: without compiling."""
         return self.processor - self.compiling
 
+    @property
+    def next_seconds(self) -> float:
+        """Wall time of another run, s: kernels compile in the first one only, and take their share of it."""
+        return self.seconds * self.running / self.processor if self.processor else self.seconds
+
     def closing_line(self, stage: str) -> str:
         """Last line of a finished stage's log."""
         compiling = f", {self.compiling:.2f} s of it compiling" if self.compiling else ""

@@ -85,7 +85,7 @@ class MineBaselines:
         for what, files, log in made:
             if missing := sum(not Path(file).is_file() for file in files):
                 cost = cost_of(log)
-                time = f"about {duration_text(missing * cost.seconds)}" if cost else "time not known yet"
+                time = f"about {duration_text(missing * cost.next_seconds)}" if cost else "time not known yet"
                 parts.append(f"{what.format(missing)} ({time})")
         if parts:
             own = sum(not Path(f"results/{name}/steps/{step}.nc").is_file() for step in self.mine.mined_steps)

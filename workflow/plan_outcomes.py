@@ -116,7 +116,7 @@ class PlanOutcomes:
         if not missing and not coarse:
             return
         logs = [f"logs/{self.mine.name}/steps/{step}.log" for step in self.mine.mined_steps]
-        known = [cost.seconds for log in logs if (cost := cost_of(log))]
+        known = [cost.next_seconds for log in logs if (cost := cost_of(log))]
         time = "nothing is known of their time yet"
         if known:
             minutes = len(missing) * sum(known) / len(known) / 60.0

@@ -27,9 +27,9 @@ class RepeatedJob:
 
     @property
     def seconds(self) -> float:
-        """Wall time of its last run, s; 0 where no log tells it."""
+        """Wall time of its last run without compiling, s; 0 where no log tells it."""
         costs = cost_of(self.log)
-        return costs.seconds if costs else 0.0
+        return costs.next_seconds if costs else 0.0
 
     def changes(self) -> Iterator[tuple[str, str]]:
         """What differs from the earlier form of its description, each with its kind: WRITTEN, a key of the mine file;

@@ -132,9 +132,16 @@ def test_the_first_sentence_compares_the_pipeline_with_each_baseline(found):
         "The pipeline's own model places recorded events better than seeded flaws, and neither better nor worse than "
         "excess shear stress, as far as this record can tell."
     )
-    assert f"{found.scores.mean()[0]:.2f} nats per recorded event" in gain
-    assert "more than by seeded flaws, which is more than chance explains (T test, p" in flaws
-    assert "than by excess shear stress, which is no more than chance explains (T test, p = " in stress
+    mean, lead = found.scores.mean()[0], found.scores.lead("Pipeline", "Seeded flaws")
+    assert f"on average {number(np.exp(mean), 2)} times as probable as under a uniform rate (95 % interval " in gain
+    assert f"information gain {mean:.2f} nats)" in gain
+    assert flaws.startswith(f"It is {number(np.exp(lead.value), 2)} times as probable as under seeded flaws (95 % ")
+    low, high = flaws.partition("interval ")[2].partition(")")[0].split(" to ")
+    assert 1.0 < float(low) <= np.exp(lead.interval[0])
+    assert float(high) >= np.exp(lead.interval[1])
+    assert "which is more than chance explains (T test, p" in flaws
+    assert "as under excess shear stress (95 % interval 0." in stress
+    assert "which is no more than chance explains (T test, p = " in stress
 
 
 def test_verdict_of_models_that_place_nothing_right_and_of_few_clusters(found):
@@ -157,8 +164,9 @@ def test_inputs_are_marked_and_what_has_no_axes_has_none(found):
     assert rows["number of events, modelled over recorded"][0].startswith(number(ratio))
     assert [cell == INPUT for cell in rows["summed potency, modelled over recorded"]] == [False, False, True]
     assert [cell == NO_AXES for cell in rows["angle between the mean P axes"]] == [False, False, True]
-    assert "(" not in rows["distance between the centroids"][0]  # one run has no interval
-    assert all("(" in cell for cell in rows["distance between the centroids"][1:])
+    assert "(" not in rows["energy distance of the places (0: alike)"][0]  # one run has no interval
+    assert all("(" in cell for cell in rows["distance between the centroids"])  # whose interval is of the record
+    assert all("(" in cell for cell in rows["energy distance of the places (0: alike)"][1:])
     steps = step_rows(found.models, found.recorded, found.scores, found.steps)
     assert [row["number"] for row in steps] == [str(count) for count in np.bincount(found.recorded.step)]
     counts = [np.count_nonzero(model.counted.step == 0) / model.counted.runs for model in found.models]
@@ -230,8 +238,13 @@ def test_months_say_whether_the_model_beats_the_record_and_whether_a_rate_fits(f
     first, *rest = sentences(months)
     gain = dict(zip(months.scores.labels, months.scores.mean(), strict=True))
     assert gain["Pipeline"] > gain["last"]
-    assert first.startswith(f"In 1 step with earlier months the map of the pipeline gains {gain['Pipeline']:.2f} nats")
-    assert "The pipeline gains" in first
+    named = [f"{number(np.exp(gain[one]), 2)} times" for one in ("Pipeline", "last")]
+    assert first.startswith(
+        "In 1 step with earlier months, the place of a recorded event is on average "
+        f"{named[0]} as probable under the pipeline's map as under a uniform rate, and {named[1]} under the best map"
+    )
+    assert "Under the pipeline's map it is " in first
+    assert "nats" not in first
     assert "which is more than chance explains" in first
     assert any(
         text.startswith("By days, the rate of all earlier months fits the number of 1 of 1 step") for text in rest

@@ -84,6 +84,7 @@ def test_a_closing_line_is_read_back(tmp_path, compiling):
     log.write_text(f"2026 INFO begun\n2026 INFO {costs.closing_line('step results/a done in 3 s/b.nc')}\n")
     assert cost_of(log) == costs
     assert costs.running == pytest.approx(23.45 - compiling)
+    assert costs.next_seconds == pytest.approx(costs.seconds * (1.0 - compiling / 23.45))
 
 
 def test_of_a_log_that_is_cut_short_nothing_is_known(tmp_path):
