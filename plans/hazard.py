@@ -26,7 +26,7 @@ from catalogs.sources.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
 from catalogs.sources.truncated_law import TruncatedLaw, draw_law
 from plans.differences import MIN_RUNS
 from plans.factors import Factors, find_factors
-from plans.record import LAW, RecordedNumbers
+from plans.record import LAW, RECORD, RecordedNumbers
 from plans.runs import StepResult
 from plans.settings import OutcomeSlice
 
@@ -138,10 +138,21 @@ def find_hazard(
         "contains": json.dumps([*factors.contains, *([LAW] if law else [])]),
         "lacks": json.dumps(list(factors.lacks)),
         "ratio_text": factors.text,
+        "record_factor": _factor_interval(factors, counted, number.sum(axis=0)),
         "runs": count,
         "number_dispersion": float(np.median(factors.dispersion)) if factors.dispersion is not None else of_step,
     }
     return hazard | forecast, attributes | law_attributes
+
+
+def _factor_interval(factors: Factors, period: NDArray, number: NDArray) -> list[float]:
+    """Lower end, median and upper end of the factor of a period (step,) bool; NaN without a record.
+
+    number (step,): events by which its steps are weighed.
+    """
+    if RECORD not in factors.contains:
+        return [np.nan] * 3
+    return np.quantile(factors.of(period, number), [INTERVAL_95[0], 0.5, INTERVAL_95[1]]).tolist()
 
 
 def _is_open(settings: OutcomeSlice) -> NDArray:

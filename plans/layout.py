@@ -19,7 +19,8 @@ recorded event, or the later end that the configuration states; empty without a 
 intervals contain and lack), law_source ("record" | "model" | "none"), law_events, law_b, law_bound (log10 m3; medians),
 law_b_interval, law_bound_interval, runs (the plan's own and its members), number_dispersion (variance over mean of the
 number that a step is forecast with), and those of a job's provenance (common.job). ratio_text is a sentence for the
-reader.
+reader. record_factor: lower end (2.5 %), median and upper end of the factor that multiplies chances in the steps of the
+period "all" (plans.factors); NaN without a record.
 """
 
 import json

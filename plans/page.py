@@ -22,6 +22,7 @@ from common.errors import InputError
 from common.pages import page_templates
 from plans.comparisons import Comparisons
 from plans.layout import ANY, PlanSummary, read_outcome
+from plans.overview import overview
 from plans.sentences import interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
 from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows, write_table
@@ -75,6 +76,7 @@ def write_report(
             mine=settings.mine,
             first=plans[0].name,
             labels=[plan.name for plan in plans],
+            overview=overview(comparisons, hazard, settings.titles or {}),
             verdict=verdict(plans, hazard),
             missing=missing(plans, hazard),
             contained=interval_contents(plans),

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from catalogs.report.text import DASH, between, fixed, number, percent, plural, typeset, whole
+from catalogs.report.text import DASH, between, fixed, number, plural, typeset, whole
 from plans.comparisons import Comparisons
 from plans.differences import MIN_RUNS, NUMBER, POTENCY, Difference
 from plans.layout import ANY, COARSE, DRAW, PlanSummary
@@ -102,7 +102,7 @@ def frequency_text(chance: float, number_a_year: float) -> str:
 
 
 def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
-    """The first sentences of the page: differences, places of potency, chances of large events."""
+    """The first sentences of the page: differences, and chances of large events."""
     comparisons = Comparisons(plans)
     first = comparisons.first
     means = first.means(first.steps)
@@ -110,7 +110,6 @@ def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
         f"{first.name} makes {count(means.number)} events in {step_range(first.steps)}: {number(means.potency)} m³ of "
         "potency."
     ]
-    lines.append(" ".join(_where(plan) for plan in plans))
     return [*lines, *_chances(comparisons, settings)]
 
 
@@ -121,10 +120,11 @@ def _comparison(plan: PlanSummary, comparisons: Comparisons) -> str:
         return f"{plan.name} and {first.name} are the same runs."
     if not steps[0] or not steps[1]:
         longer, shorter, more = (plan, first, steps[0]) if steps[0] else (first, plan, steps[1])
-        means = longer.means(more)
+        means, rest = longer.means(more), longer.means([step for step in longer.steps if step not in more])
         return (
-            f"{longer.name} mines as {shorter.name} does, and goes on with {step_range(more)}: {count(means.number)} "
-            f"events, {number(means.potency)} m³ of potency."
+            f"{longer.name} mines as {shorter.name} does, and goes on with {step_range(more)}, which adds "
+            f"{count(means.number)} events and {number(means.potency)} m³ of potency to {count(rest.number)} events "
+            f"and {number(rest.potency)} m³ of the steps before."
         )
     potency, events = (comparisons.whole(plan, quantity) for quantity in (POTENCY, NUMBER))
     means = plan.means(steps[0])
@@ -162,20 +162,6 @@ def _ratio(difference: Difference) -> str:
 def _interval(difference: Difference) -> str:
     ends = between(difference.interval, partial(number, digits=2))
     return f" (95 % interval {ends})" if np.isfinite(difference.interval).any() else ""
-
-
-def _where(plan: PlanSummary) -> str:
-    """The opening and the step with most potency."""
-    all_steps = plan.means(plan.steps)
-    if not all_steps.potency > 0.0:
-        return f"{plan.name} makes no event."
-    near = {opening: plan.means(plan.steps, opening).potency for opening in plan.openings}
-    by_step = {step: plan.means([step]).potency for step in plan.steps}
-    opening, step = (max(values, key=lambda one: values[one]) for values in (near, by_step))
-    text = f"In {plan.name}, {percent(near[opening] / all_steps.potency)} of the potency is nearest to {opening}"
-    if len(plan.steps) > 1:
-        text += f", and {percent(by_step[step] / all_steps.potency)} is released in {step}"
-    return text + "."
 
 
 def _chances(comparisons: Comparisons, settings: HazardSettings) -> list[str]:

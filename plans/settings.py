@@ -123,6 +123,8 @@ class PlansReportSlice(Settings):
 
     mine: str
     hazard: HazardSettings = HazardSettings()
+    titles: dict[str, str] | None = None
+    """by name of a plan"""
 
 
 class ForecastFile(Settings):

@@ -179,6 +179,8 @@ class ExcavationChange(Settings):
 class MiningPlan(Settings):
     """Another sequence of the mine, which `snakemake plans` lays beside that of the mine file."""
 
+    title: Annotated[str, Field(min_length=1, max_length=80)] = None
+    """Title of the plan on the page."""
     excavations: Annotated[dict[Name, ExcavationChange], Field(min_length=1)] = None
     """Changes by the name of the excavation. An excavation that a plan alone mines stands in the mine file with the
     step `planned`."""
@@ -193,7 +195,7 @@ class MiningPlan(Settings):
         changes = [change for change in (self.excavations or {}).values() if change.model_fields_set]
         if self.file is None and not changes and not self.steps:
             raise refusal("changes nothing; give excavations, steps, or the file of another mine file")
-        if self.file is not None and len(self.model_fields_set) > 1:
+        if self.file is not None and self.model_fields_set - {"file", "title"}:
             raise refusal("stands beside changes; write them into that file", "file")
         names = [step.name.lower() for step in self.steps or ()]
         for number, step in enumerate(self.steps or ()):

@@ -14,6 +14,7 @@ from workflow.result_files import ResultFiles
 OUTCOME = "outcome.nc"
 COARSE_RUN = "coarse"  # kind of a run on cells of twice the size
 POSTERIOR = "posterior"
+TITLE_OF_MINE_FILE = "As the mine file has it"
 # Sections of a mine file that runs depend on, beside the sequence.
 ROCK_AND_CELLS = (
     "accuracy",
@@ -203,5 +204,6 @@ class PlanOutcomes:
 
     def report_slice(self) -> dict:
         """Settings that the page of the plans depends on, besides the outcomes of the plans."""
-        hazard = self.mine.settings.hazard.given()
-        return {"mine": self.mine.name, "hazard": {key: value for key, value in hazard.items() if key != "runs"}}
+        hazard = {key: value for key, value in self.mine.settings.hazard.given().items() if key != "runs"}
+        titles = {name: plan.title for name, plan in self.mine.settings.plans.items() if plan.title is not None}
+        return {"mine": self.mine.name, "hazard": hazard, "titles": {MINE_FILE_PLAN: TITLE_OF_MINE_FILE} | titles}

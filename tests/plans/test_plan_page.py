@@ -24,6 +24,7 @@ from common.errors import InputError
 from plans.comparisons import Comparisons
 from plans.layout import PlanSummary
 from plans.outcome import make_outcome
+from plans.overview import overview
 from plans.page import write_report
 from plans.sentences import chance_with_interval, interval_contents, law_texts, missing, verdict
 from plans.settings import PlansReportSlice
@@ -72,13 +73,43 @@ def test_the_first_sentences_compare_each_plan_with_the_first(plans):
     assert re.search(
         r"It makes [\d.]+ times the events \(95 % interval .*\): a difference larger than chance explains\.", said[0]
     )
-    assert re.match(r"longer mines as mine_file does, and goes on with 2019-10: [\d.]+ events, [\d.]+ m³", said[1])
-    assert "In mine_file, " in said[2]
-    assert said[3].startswith(
+    assert re.match(
+        r"longer mines as mine_file does, and goes on with 2019-10, which adds [\d.]+ events and [\d.]+ m³ of "
+        r"potency to [\d.]+ events and [\d.]+ m³ of the steps before\.",
+        said[1],
+    )
+    assert said[2].startswith(
         "Chance per year of an event that is damaging (Mw 0.6 or more) within 10 m of an opening: "
     )
-    assert "(at the rate of 2019-10)" in said[3]
+    assert "(at the rate of 2019-10)" in said[2]
     assert verdict(plans[:1], SETTINGS.hazard)[0].startswith("mine_file makes ")
+
+
+def test_the_first_screen_agrees_with_the_tables_below_it(plans):
+    """Number, potency and volume of each plan, its chance, and the factor that the record has beside the runs."""
+    shown = overview(Comparisons(plans), SETTINGS.hazard, {"longer": "One month more"})
+    assert [row["title"] for row in shown["rows"]] == ["", "", "One month more"]
+    for row, table, plan in zip(shown["rows"], plan_rows(plans), plans, strict=True):
+        assert row["made"] == f"{table['number']} events, {table['potency']} m³"
+        assert row["mined"].startswith(f"{table['mined']} m³ in ")
+        assert row["chance"].startswith(matrix(plan, SETTINGS.hazard, Comparisons(plans))[0]["cells"][0]["yearly"])
+        by_opening = {name: plan.means(plan.steps, name).potency for name in plan.openings}
+        assert row["where"].split(" (")[0] == max(by_opening, key=lambda name: by_opening[name])
+    assert shown["chance"] == "chance per year: damaging (Mw 0.6 or more) within 10 m"
+    assert [row["compared"].split(":")[-1].strip() for row in shown["rows"]][::2] == ["–", "the same, and 2019-10"]
+    low, middle, high = plans[0].outcome.attrs["record_factor"]
+    assert low < middle < high
+    said = re.search(r"in 2019-08 and 2019-09, ([\d.]+) \(", shown["record"])
+    assert said is not None
+    assert float(said[1]) == pytest.approx(middle, rel=0.05)
+
+
+def test_the_first_screen_states_no_chance_of_few_runs_and_no_factor_without_a_record(tmp_path):
+    runs = [drawn_run(tmp_path / "own", "own", 1)]
+    alone = [PlanSummary(make_outcome(slice_of(runs, "mine_file"), GRID, None, None))]
+    shown = overview(Comparisons(alone), SETTINGS.hazard, {})
+    assert shown["chance"] == shown["record"] == ""
+    assert shown["rows"][0]["compared"] == "–"
 
 
 def test_a_plan_with_the_same_runs_is_said_to_be_the_same(plans):
@@ -154,7 +185,7 @@ def test_the_page_needs_nothing_else_and_the_table_holds_all(plans, tmp_path):
     page, table = tmp_path / "report.html", tmp_path / "plans.csv"
     write_report(outcomes, GRID, SETTINGS, page, table)
     text = page.read_text()
-    assert not re.search(r'(src|href)="(?!data:)', text)
+    assert not re.search(r'(src|href)="(?!data:|#)', text)
     assert "Steps ahead of the record" in text
     rows = pd.read_csv(table)
     assert set(rows["plan"]) == {"mine_file", "other_order", "longer"}
