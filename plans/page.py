@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 
 from catalogs.compare.exposure import window
 from catalogs.figures import panels, style, views
-from catalogs.report.text import typeset
+from catalogs.report.text import fixed, typeset
 from catalogs.sources.openings import NEVER, Mining
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
@@ -123,7 +123,7 @@ def _first_mined(grid: xr.Dataset, plan: PlanSummary) -> xr.Dataset:
 def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
     """Openings of each plan in the colour of the step that mines them, with its largest events, in plan.
 
-    Size by log P, colour by step; the plan's own run. grid: grid.nc of the mine; an opening that it lacks is not drawn.
+    Size by magnitude, colour by step; of the plan's own run. grid: grid.nc of the mine. Openings that it lacks are left out.
     """
     steps, names = step_order(plans), json.loads(grid.attrs["excavation_names"])
     colours = dict(zip(steps, style.step_colours([True] * len(steps)), strict=True))
@@ -157,7 +157,7 @@ def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
     for value in (low, high) if len(known) else ():
         keys.append(
             Line2D([], [], linestyle="none", marker="o", markersize=diameter(value), color="#bbbbbb",
-                   markeredgecolor="k", markeredgewidth=0.3, label=f"log P {value:.1f}".replace("-", "−"))
+                   markeredgecolor="k", markeredgewidth=0.3, label=f"Mw {fixed(plans[0].magnitude(value), 1)}")
         )  # fmt: skip
     panels.key(figure, keys)
     return figure

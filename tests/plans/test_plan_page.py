@@ -90,7 +90,7 @@ def test_the_first_screen_agrees_with_the_tables_below_it(plans):
     shown = overview(Comparisons(plans), SETTINGS.hazard, {"longer": "One month more"})
     assert [row["title"] for row in shown["rows"]] == ["", "", "One month more"]
     for row, table, plan in zip(shown["rows"], plan_rows(plans), plans, strict=True):
-        assert row["made"] == f"{table['number']} events, {table['potency']} m³"
+        assert (row["number"], row["potency"]) == (table["number"], table["potency"])
         assert row["mined"].startswith(f"{table['mined']} m³ in ")
         assert row["chance"].startswith(matrix(plan, SETTINGS.hazard, Comparisons(plans))[0]["cells"][0]["yearly"])
         by_opening = {name: plan.means(plan.steps, name).potency for name in plan.openings}
