@@ -305,6 +305,14 @@ def _check_references(mine: Mine, mistakes: Mistakes) -> None:
     knows_steps = all(parts[0] != "steps" or parts[-1] in ("start", "end") for parts in mistaken)
     knows_materials = ["materials"] not in mistaken
     materials = settings.materials
+    by_small_letters: dict[str, str] = {}
+    for name in materials:
+        other = by_small_letters.setdefault(name.lower(), name)
+        with mistakes.gather():
+            if other != name:
+                raise InputError(
+                    f"materials.{name}: differs in capitals alone from materials.{other}; give it another name"
+                )
     sections: dict[str, Sequence[Excavation | RockBody | Load | BoundaryStrain]] = {
         "excavations": mine.excavations,
         "rock_bodies": settings.rock_bodies,

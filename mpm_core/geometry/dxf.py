@@ -223,8 +223,13 @@ def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, 
             f"its inserted blocks unfold to {unfolded:.3g} entities, more than {MAX_INSERTED_ENTITIES:,}: export the "
             "solid alone, as plain faces"
         )
-    entities = recursive_decompose(drawing.modelspace())
-    listed = [(entity.dxftype(), entity.dxf.get("layer", "0"), entity) for entity in entities]
+    entities = list(recursive_decompose(drawing.modelspace()))
+    names = {layer.dxf.name.lower(): layer.dxf.name for layer in drawing.layers}  # capitals make no other layer
+    on_layer = [entity.dxf.get("layer", "0") for entity in entities]
+    listed = [
+        (entity.dxftype(), names.setdefault(name.lower(), name), entity)
+        for entity, name in zip(entities, on_layer, strict=True)
+    ]
     hidden = {
         layer.dxf.name: "frozen" if layer.is_frozen() else "off"
         for layer in drawing.layers

@@ -118,6 +118,21 @@ def test_dxf_of_several_layers_needs_a_choice(tmp_path):
     assert read_solid(path, "stope", layer="*").volume == pytest.approx(128)
 
 
+def test_capitals_make_no_other_layer_of_a_drawing(tmp_path, caplog):
+    """Half of the faces name the layer in small letters: they are the same solid, and hidden with it."""
+    path = tmp_path / "stopes.dxf"
+    document = ezdxf.new("R2018")
+    document.layers.add("S1").off()
+    other = Solid("o", BOX.vertices + np.array([20, 0, 0]), BOX.facets)
+    for layers, solid in ((("S1", "s1"), BOX), (("S2", "S2"), other)):
+        for number, facet in enumerate(solid.facets):
+            document.modelspace().add_3dface(solid.vertices[facet], dxfattribs={"layer": layers[number % 2]})
+    document.saveas(path)
+    assert_same(read_solid(path, "stope", layer="S1"))
+    assert read_solid(path, "stope", layer="*").volume == pytest.approx(64)
+    assert "layers hidden in the drawing: S1 (off)" in caplog.text
+
+
 def test_dxf_outline_is_not_a_solid(tmp_path):
     document = ezdxf.new()
     document.modelspace().add_lwpolyline([(0, 0), (5, 0), (5, 5)], close=True)

@@ -10,7 +10,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import BeforeValidator
-from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, changed, merged
+from tiny_mines import DEFAULT, FILL, FLAT, NEXT_STEP, ROOT, STRAIN, TINY, box, changed, merged
 
 from catalogs.records import record_slice
 from catalogs.records.csv_columns import ColumnSettings
@@ -24,6 +24,9 @@ from workflow.checks import RESERVED
 from workflow.configuration import load
 from workflow.generate import sections_of
 from workflow.mine_settings import MineSettings
+
+DYKE = box("dyke", "history", [0, 0, 0], [10, 80, 80], material="host")
+del DYKE["step"]
 
 
 @pytest.mark.parametrize(
@@ -64,6 +67,32 @@ def test_a_missing_section_is_named(refuse, key):
     """What no default can know."""
     mine = {name: value for name, value in TINY.items() if name != key}
     assert refuse(mine).split(": ")[:2] in ([key, "missing key"], [f"{key}.lower", "missing key"])
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        (
+            {"materials.Fill": FILL},
+            "materials.Fill: differs in capitals alone from materials.fill; give it another name",
+        ),
+        (
+            {"excavations": [*TINY["excavations"], box("Drive", "planned", [60, 60, 60], [70, 70, 70])]},
+            "excavations.Drive: differs in capitals alone from another of the excavations; give it another name",
+        ),
+        (
+            {"rock_bodies": [DYKE, DYKE | {"name": "Dyke"}]},
+            "rock_bodies.Dyke: differs in capitals alone from another of the rock_bodies; give it another name",
+        ),
+        (
+            {"strains": [STRAIN, STRAIN | {"name": "PRESS"}]},
+            "strains.PRESS: differs in capitals alone from another of the strains; give it another name",
+        ),
+    ],
+)
+def test_names_that_differ_in_capitals_alone_are_refused(refuse, values, line):
+    """A reader takes them for one, and so do some disks."""
+    assert refuse(TINY, **values) == line
 
 
 def test_a_missing_solid_is_named_with_the_folder_it_is_looked_for_in(refuse, tmp_path):
@@ -175,7 +204,10 @@ def test_a_number_that_yaml_takes_for_a_text_is_one_where_a_number_is_wanted(acc
     assert mine.settings.solver.tolerance == number
     assert mine.settings.comparison.seed == 1000
     assert mine.settings.record.missing == (-1000.0, number)
-    assert accept(TINY, **{"record.conversions": {"ML": {"slope": "1e0", "offset": "-1e-1"}}})
+    columns = {key: TINY["record"]["columns"][key] for key in ("time", "x", "y", "z")}
+    columns |= {"magnitude": "size", "magnitude_type": "type"}
+    converted = {"record.columns": columns, "record.conversions": {"ML": {"slope": "1e0", "offset": "-1e-1"}}}
+    assert accept(TINY, **converted).settings.record.conversions["ML"].offset == -0.1
     assert "is not of type 'number'" in refuse(TINY, **{"solver.tolerance": text + "x"})
 
 
