@@ -123,7 +123,7 @@ def _first_mined(grid: xr.Dataset, plan: PlanSummary) -> xr.Dataset:
 def draw_plans(plans: Sequence[PlanSummary], grid: xr.Dataset) -> Figure:
     """Openings of each plan in the colour of the step that mines them, with its largest events, in plan.
 
-    Size by magnitude, colour by step; of the plan's own run. grid: grid.nc of the mine. Openings that it lacks are left out.
+    Size by magnitude, colour by step; of the plan's own run. grid: grid.nc of the mine, whose openings are drawn.
     """
     steps, names = step_order(plans), json.loads(grid.attrs["excavation_names"])
     colours = dict(zip(steps, style.step_colours([True] * len(steps)), strict=True))
