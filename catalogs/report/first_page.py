@@ -171,10 +171,10 @@ def next_steps(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequen
     """Advice on the next steps, each once and at most MAX_NEXT, the most urgent first: mend what is wrong; get
     something to compare with; correct a potency that is off; make what is most uncertain less so; state what is
     missing; look ahead."""
-    found: dict[Advice, None] = {}  # in order, each once
+    found: dict[str, Advice] = {}  # in order, each once: two warnings may ask for cells of two sizes
     for advice in _all(evidence, warnings, uncertain):
-        found.setdefault(advice)
-    return list(found)[:MAX_NEXT]
+        found.setdefault(advice.text, advice)
+    return list(found.values())[:MAX_NEXT]
 
 
 def _all(evidence: Evidence, warnings: Sequence[Banner], uncertain: Sequence[Source]) -> Iterator[Advice]:
