@@ -45,7 +45,8 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "counted": f"of {size_of_cut(evidence)} and more" if lines and np.isfinite(cut_of(evidence)) else "",
         "verdict": verdict(evidence),
         "look_first": look_first(evidence),
-        "sources": uncertain,
+        "sources": [one for one in uncertain if not np.isnan(one.factor)],
+        "unmeasured": [one for one in uncertain if np.isnan(one.factor)],
         "next": next_steps(evidence, [one for one in warnings if one.brief], uncertain),
     }
 

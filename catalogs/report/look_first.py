@@ -11,7 +11,7 @@ from catalogs.report.evidence import MODEL_LABEL, Evidence, compared_events, sho
 from catalogs.report.sections.steps import shear_modulus
 from catalogs.report.text import fixed, magnitude, percent
 
-MAX_PLACES = 2  # Places of the model that are listed; one of the record may follow.
+MAX_PLACES = 2  # Places of the model that are listed where the record adds none; else one of each.
 MIN_SHARE = 0.01  # Of a catalogue's potency; a smaller share is not worth a number.
 
 
@@ -25,7 +25,7 @@ class Place:
 
 
 def look_first(evidence: Evidence) -> list[Place]:
-    """Places with most modelled potency, at most MAX_PLACES, then that with most recorded potency if it is another.
+    """At most MAX_PLACES places: those with most modelled potency, and that with most recorded potency.
 
     Events are those that the comparison counts, where there is one. None without events near openings in dated steps.
     """
@@ -35,8 +35,8 @@ def look_first(evidence: Evidence) -> list[Place]:
     modelled = tables.get(MODEL_LABEL, {})
     keys = sorted(modelled, key=lambda place: -modelled[place][0])[:MAX_PLACES]
     for label, table in tables.items():
-        if label != MODEL_LABEL and table:
-            keys += [place for place in [max(table, key=lambda one: table[one][0])] if place not in keys]
+        if label != MODEL_LABEL and table and (place := max(table, key=lambda one: table[one][0])) not in keys:
+            keys = [*keys[: MAX_PLACES - 1], place]
     return [_place(evidence, key, tables) for key in keys]
 
 

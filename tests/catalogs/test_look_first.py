@@ -48,7 +48,7 @@ def test_it_is_where_most_potency_is(evidence):
     assert float(first.text.split()[0]) == pytest.approx(share, abs=0.5)  # two digits
     assert "largest event Mw 0.8" in first.text.split(";")[0]  # 22.8 GPa times 1 m3
     assert ("stope_1", "2019-08") in [(one.opening, one.step) for one in others]
-    assert len(others) <= MAX_PLACES
+    assert 1 + len(others) <= MAX_PLACES
 
 
 def test_it_does_not_depend_on_the_order_of_events(evidence):
