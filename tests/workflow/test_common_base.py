@@ -236,7 +236,7 @@ def test_a_stage_says_one_line_and_logs_the_rest(tmp_path, body, status, line):
     ("folder", "note"),
     [
         ("tiny/coarse", " (the mine on cells of twice the size; grid_convergence: false leaves it out): "),
-        ("tiny/ensemble/2", " (a perturbed member; ensemble: 0 leaves all of them out): "),
+        ("tiny/ensemble/2", " (a perturbed member; ensemble: 0 leaves all of them out, for plans hazard.runs: 1): "),
         ("tiny/drawn_rock/1", " (rock that the calibration has drawn; hazard.rock: mine_file leaves it out): "),
         ("tiny/plans/late", " (another plan of the mine; without it in plans it is left out): "),
         ("coarse", ": "),
