@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-from common.costs import cost_of
+from common.costs import cost_of, duration_text
 from common.result_folders import COARSE, DRAWN_ROCK, ENSEMBLE, PLANS
 from workflow.calibration_trials import ROCK_DRAWS
 from workflow.checks import why_members_are_alike
@@ -120,8 +120,8 @@ class PlanOutcomes:
         known = [cost.next_seconds for log in logs if (cost := cost_of(log))]
         time = "nothing is known of their time yet"
         if known:
-            minutes = len(missing) * sum(known) / len(known) / 60.0
-            time = f"about {max(minutes, 1.0):.0f} minutes, as long as steps of {self.mine.name} took"
+            time = duration_text(len(missing) * sum(known) / len(known))
+            time = f"about {time}, as long as steps of {self.mine.name} took"
         more = f", and {len(coarse)} runs on cells of twice the size" if coarse else ""
         print(
             f"{self.mine.name}: plans: {len(self.checked_names)} plans with {1 + self.mine.plan_members} runs each "

@@ -231,7 +231,7 @@ def test_the_cost_of_plans_is_told_before_they_run(folders, tmp_path, monkeypatc
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(f"{Costs(120.0, 200.0, 0.0, 900.0).closing_line('step')}\n")
     found.tell_cost()
-    assert "need 13 more steps: about 26 minutes, as long as steps of tiny took" in capsys.readouterr().err
+    assert "need 13 more steps: about 26 min, as long as steps of tiny took" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
