@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import scipy
+import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.compare.blocks import MIN_BLOCKS
@@ -14,11 +15,13 @@ from catalogs.report.by_opening import where
 from catalogs.report.evidence import Evidence
 from catalogs.report.sections.steps import cut_of, headline, shear_modulus
 from catalogs.report.text import (
+    EXACT_DIGITS,
     MIN_RATIO_AS_DECIMAL,
     as_ratio,
     beside,
     between,
     fixed,
+    hundredths,
     magnitude,
     number,
     percent,
@@ -26,15 +29,21 @@ from catalogs.report.text import (
 )
 from catalogs.settings import ComparisonSettings
 from catalogs.sources.jackknife import INTERVAL_95
-from catalogs.sources.significance import QUESTIONS, SIGNIFICANCE, TEST_LEVEL
+from catalogs.sources.mechanisms import KAGAN_LIMIT
+from catalogs.sources.significance import SIGNIFICANCE, TEST_LEVEL
 from catalogs.sources.size_law import POWER, TRUNCATED
 from catalogs.sources.sizes import log_potency
 from catalogs.sources.truncated_law import largest_interval
 
-MORE_THAN_CHANCE = "more than chance explains"  # Of the model's differences; no other sentence has these words.
+MORE_THAN_CHANCE, WITHIN_CHANCE = "more than chance explains", "no more than chance explains"
 MIN_SHARE_COMPARED = 0.5  # Of the recorded potency; where less is compared, all of it is named, too.
 MAX_FEW = 5  # Events that potency is said to rest on.
-MAX_NOTICED = 1000.0  # A difference that is only noticed if it is larger is not noticed.
+MAX_RATIO_NOTICED = 1000.0  # A test that notices larger ratios only, or smaller than one over it, notices none.
+MAX_NOTICED = {  # In the same way, larger differences only: of b, of places (m), of directions (degrees).
+    "b_difference": 2.0,
+    "shift": 1000.0,
+    "mechanism_turn": KAGAN_LIMIT,
+}
 BLIND = {  # differences that no test would have noticed
     "event_ratio": "number",
     "potency_ratio": "potency",
@@ -42,6 +51,7 @@ BLIND = {  # differences that no test would have noticed
     "shift": "places",
     "mechanism_turn": "direction",
 }
+TESTS = ("event_ratio", "potency_ratio", "b_difference", "energy", "mechanism_turn")  # QUESTIONS of them at most
 RANDOM_TURN, RARE_TURN = 75, 35  # degrees: mean and 0.05 quantile of the angle between random mechanisms (Kagan 1991)
 SEED = 1
 
@@ -101,17 +111,15 @@ def _one_sided(evidence: Evidence, modelled: int, recorded: int) -> str:
 
 def _by_chance(p_value: float) -> str:
     """Words for the only test of a page."""
-    return "more than chance explains" if p_value < SIGNIFICANCE else "no more than chance explains"
+    return MORE_THAN_CHANCE if p_value < SIGNIFICANCE else WITHIN_CHANCE
 
 
 def _judged(p_value: float) -> str:
     """Words for one of the tests of a page, whose level is TEST_LEVEL: the page as a whole then calls a right model
-    wrong with the chance SIGNIFICANCE at most."""
+    wrong with the chance SIGNIFICANCE at most. A p-value that would be small for an only test is named."""
     if p_value <= TEST_LEVEL:
         return MORE_THAN_CHANCE
-    if p_value <= SIGNIFICANCE:
-        return f"hardly more than chance explains (p = {number(p_value, 2)})"
-    return "no more than chance explains"
+    return f"{WITHIN_CHANCE} (p = {number(p_value, 2)})" if p_value <= SIGNIFICANCE else WITHIN_CHANCE
 
 
 def differs(evidence: Evidence, name: str) -> bool:
@@ -148,7 +156,8 @@ def _few_large(evidence: Evidence) -> str:
     if not 0 < count <= MAX_FEW or not 0.0 < without < np.inf:
         return ""
     whose = "recorded" if of == "record" else "modelled"
-    events, them = (f"{whole(count)} events hold", "them") if count > 1 else ("One event holds", "it")
+    among = " of all runs" if of == "model" and int(comparison["model_runs"]) > 1 else ""
+    events, them = (f"{whole(count)} events{among} hold", "them") if count > 1 else (f"One event{among} holds", "it")
     return f"{events} 90 % of the {whose} potency; without {them} the ratio is {as_ratio(without)}. "
 
 
@@ -179,11 +188,12 @@ def _sizes(evidence: Evidence) -> list[str]:
         return []
     ends = TRUNCATED in (comparison.attrs["law_model"], comparison.attrs["law_record"])
     model, record = comparison["b_truncated" if ends else "b"].values
-    more = "fewer" if model > record else "more"
-    return [
-        f"Of its events {more} are large than of recorded ones (b of potency {fixed(model, 2)}, recorded "
-        f"{fixed(record, 2)}), which is {_judged(chance)}."
-    ]
+    shown = ([hundredths(b, more=more) for b in (model, record)] for more in range(EXACT_DIGITS))
+    texts = next((texts for texts in shown if texts[0] != texts[1]), None)
+    if texts is None:
+        return [f"The b of its potencies, {hundredths(model)}, is the recorded one."]
+    side = "higher" if model > record else "lower"
+    return [f"The b of its potencies, {texts[0]}, is {side} than the recorded one, {texts[1]}, by {_judged(chance)}."]
 
 
 def _against_face(evidence: Evidence) -> list[str]:
@@ -234,7 +244,7 @@ def _directions(evidence: Evidence) -> list[str]:
     )
     chance, at_random = (float(comparison[f"mechanism_turn{of}_p_value"]) for of in ("", "_random"))
     closer = at_random <= SIGNIFICANCE
-    if chance <= SIGNIFICANCE:
+    if chance <= TEST_LEVEL:
         text += f", which is {_judged(chance)}"
         return [f"{text}, {'though' if closer else 'and no'} closer than random directions come."]
     if closer:
@@ -254,7 +264,7 @@ def _noticed(evidence: Evidence) -> list[str]:
         "mechanism_turn": ("a turn of {}°", partial(fixed, decimals=0)),
     }
     values = {name: float(comparison[f"{name}_noticed"]) for name in forms}
-    seen = {name: 1.0 / MAX_NOTICED < value < MAX_NOTICED for name, value in values.items() if not np.isnan(value)}
+    seen = {name: _is_noticeable(name, value) for name, value in values.items() if not np.isnan(value)}
     noticed = [words.format(form(values[name])) for name, (words, form) in forms.items() if seen.get(name)]
     blind = [BLIND[name] for name in seen if not seen[name]]
     text = []
@@ -268,10 +278,26 @@ def _noticed(evidence: Evidence) -> list[str]:
     few_runs = ""
     if not np.isfinite(comparison["energy_distance_interval"]).all():
         few_runs = " Too few runs show the model's chance: its events are taken to be as clustered as recorded ones."
-    return [
-        f"{', '.join(text)}. Each of the {QUESTIONS} tests has p = {TEST_LEVEL:g} as its limit, so that at most one "
-        f"right model in {round(1 / SIGNIFICANCE)} fails any.{few_runs}"
-    ]
+    return [f"{', '.join(text)}. {_levels(comparison)}{few_runs}"]
+
+
+def _is_noticeable(name: str, value: float) -> bool:
+    """True if a difference of this size says something of a test that notices it; name: of TESTS, or "shift" (m)."""
+    return value < MAX_NOTICED[name] if name in MAX_NOTICED else 1.0 / MAX_RATIO_NOTICED < value < MAX_RATIO_NOTICED
+
+
+def _levels(comparison: xr.Dataset) -> str:
+    """Sentences on the limits of the tests that were made, and on the share of right models that fails any of those
+    that compare model and record."""
+    made = sum(bool(np.isfinite(comparison[f"{name}_p_value"])) for name in TESTS)
+    tests = f"Each of the {made} tests of a difference" if made > 1 else "The test of the difference"
+    text = (
+        f"{tests} has p = {TEST_LEVEL:g} as its limit, so that at most one right model in "
+        f"{round(1 / (made * TEST_LEVEL))} fails{' any' if made > 1 else ''}."
+    )
+    if np.isfinite(comparison["mechanism_turn_random_p_value"]):
+        text += f" That against random directions has p = {SIGNIFICANCE:g}."
+    return text
 
 
 def _multiple(ratio: float) -> str:

@@ -16,13 +16,14 @@ from catalogs.report.first_page import MAX_NEXT, next_steps
 from catalogs.report.sections.warnings import Advice, Banner, banners
 from catalogs.report.text import as_ratio, magnitude
 from catalogs.report.uncertainty import sources
-from catalogs.report.verdict import RANDOM_TURN, RARE_TURN, another_run, expected_range, verdict
+from catalogs.report.verdict import BLIND, RANDOM_TURN, RARE_TURN, TESTS, another_run, expected_range, verdict
 from catalogs.sources.mechanisms import kagan_angle, random_frames
 from catalogs.sources.size_law import POWER, TRUNCATED
 from catalogs.sources.truncated_law import largest_interval
 from common.datasets import read_dataset
 from verification.answers.statistics.samples import simulated_sizes
 
+TEST_VALUES = [*(f"{name}_p_value" for name in TESTS), "mechanism_turn_random_p_value"]
 DATED = [{"name": name, "start": start, "end": end} for name, start, end, dated in fixtures.STEPS if dated]
 
 
@@ -72,7 +73,7 @@ def test_ratios_are_said_as_people_say_them(value, text):
     [
         (1 / 29, (1 / 60, 1 / 12), 0.001, "releases 1/29 of the recorded potency (95 %: 1/60 to 1/12), in"),
         (1 / 29, (1 / 60, 1 / 12), 0.001, "The difference in potency is more than chance explains, and that in number"),
-        (0.5, (0.3, 0.9), 0.03, "The difference in potency is hardly more than chance explains (p = 0.030), and that"),
+        (0.5, (0.3, 0.9), 0.03, "The difference in potency is no more than chance explains (p = 0.030), and"),
         (4.0, (1.5, np.inf), 0.001, "releases 4.0 times the recorded potency (95 %: 1.5 or more), in"),
         (1.2, (0.703, 2.11), 0.5, "releases 1.2 times the recorded potency (95 %: 0.70 to 2.2), in"),
         (1.2, (0.7, 2.1), 0.5, "Both differences are no more than chance explains."),
@@ -102,6 +103,8 @@ def test_the_ratio_of_potencies_is_a_sentence_and_a_test(known, ratio, interval,
 def test_few_events_that_potency_rests_on_are_counted(known, ratio, counts, without, words):
     one = compared(known, potency_ratio=ratio, large_events=counts, potency_ratio_without_large=without)
     assert words in verdict(one)[0]
+    several = words.replace("One event holds", "One event of all runs holds") if ratio > 1.0 else words
+    assert several in verdict(compared(one, model_runs=9))[0]
     assert ("90 % of the" in verdict(one)[0]) == bool(words)
 
 
@@ -135,7 +138,7 @@ def test_number_is_judged_apart_from_potency(known):
     ("chance", "words"),
     [
         (0.3, "Their places differ by no more than chance explains."),
-        (0.02, "Their places differ by hardly more than chance explains (p = 0.020)."),
+        (0.02, "Their places differ by no more than chance explains (p = 0.020)."),
         (0.004, "Their places differ by more than chance explains."),
     ],
 )
@@ -154,6 +157,7 @@ def test_places_are_judged_by_their_test_alone(known, chance, words):
     [
         (0.4, 0.01, ": the same direction, as far as chance tells, and closer than random ones come."),
         (0.002, 0.01, ", which is more than chance explains, though closer than random directions come."),
+        (0.03, 0.1, ": so few events tell neither a different direction nor one closer than random ones come."),
         (0.002, 0.1, ", which is more than chance explains, and no closer than random directions come."),
         (0.4, 0.1, ": so few events tell neither a different direction nor one closer than random ones come."),
     ],
@@ -179,15 +183,59 @@ def test_the_page_states_what_it_would_have_noticed(known):
     one = compared(
         known, event_ratio_noticed=1 / 7, potency_ratio_noticed=np.inf, b_difference_noticed=0.311,
         shift_noticed=24.2, mechanism_turn_noticed=20.1, energy_distance_interval=(1.0, 2.0),
+        **dict.fromkeys(TEST_VALUES, 0.5),
     )  # fmt: skip
     text = said(one)
     assert (
         "In 4 of 5 cases the tests would have noticed 1/7.0 of the number of events, 0.31 more in b, a shift of 24 m "
-        "or a turn of 20°, but no difference in potency. Each of the 5 tests has p = 0.01 as its limit"
+        "or a turn of 20°, but no difference in potency. Each of the 5 tests of a difference has p = 0.01 as its "
+        "limit, so that at most one right model in 20 fails any. That against random directions has p = 0.05."
     ) in text
     assert "Too few runs" not in text
     alone = compared(one, energy_distance_interval=(np.nan, np.nan))
     assert "Too few runs show the model's chance: its events are taken to be as clustered" in said(alone)
+
+
+def test_only_tests_that_were_made_are_counted(known):
+    made = compared(known, **dict.fromkeys(TEST_VALUES, 0.5), event_ratio_noticed=3.0)
+    none = {"axes_present": 0, "mechanism_turn_p_value": np.nan, "mechanism_turn_random_p_value": np.nan}
+    few = said(compared(made, **none, b_difference_p_value=np.nan))
+    assert "Each of the 3 tests of a difference has p = 0.01 as its limit, so that at most one right model in 33" in few
+    assert "That against random directions" not in few
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("shift", 950.0, "a shift of 950 m"),
+        ("shift", 1200.0, "no difference in places"),
+        ("b_difference", 0.31, "0.31 more in b"),
+        ("b_difference", 5.0, "no difference in b"),
+        ("mechanism_turn", 130.0, "no difference in direction"),
+        ("potency_ratio", 950.0, "950 times the potency"),
+        ("potency_ratio", 1 / 1200, "no difference in potency"),
+    ],
+)
+def test_each_kind_of_difference_has_its_own_limit_of_what_is_noticed(known, name, value, words):
+    others = {f"{one}_noticed": np.nan for one in BLIND}
+    text = said(compared(known, **others | {f"{name}_noticed": value}))
+    assert re.search(rf"{words}[. ,]", text)
+    assert ("would have noticed" in text) != words.startswith("no ")
+
+
+@pytest.mark.parametrize(
+    ("b", "chance", "words"),
+    [
+        ((0.9, 0.6), 0.002, "The b of its potencies, 0.90, is higher than the recorded one, 0.60, by more than chance"),
+        ((0.5, 0.6), 0.03, "0.50, is lower than the recorded one, 0.60, by no more than chance explains (p = 0.030)."),
+        ((0.601, 0.602), 0.9, "0.601, is lower than the recorded one, 0.602, by no more than chance explains."),
+    ],
+)
+def test_b_is_compared_by_itself(known, b, chance, words):
+    """With an end of the sizes a higher b may go with more large events, so nothing is said of those."""
+    one = compared(known, b=b, b_difference_p_value=chance, law_model=POWER, law_record=POWER)
+    assert words in said(one)
+    assert "large than" not in said(one)
 
 
 def test_a_record_without_mechanisms_says_nothing_of_directions(known):

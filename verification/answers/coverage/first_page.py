@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from catalogs.compare.comparison import compare
 from catalogs.compare.spread import SPREAD_BIN_WIDTH
 from catalogs.report.evidence import Evidence
-from catalogs.report.verdict import MORE_THAN_CHANCE, expected_range, verdict
+from catalogs.report.verdict import MORE_THAN_CHANCE, WITHIN_CHANCE, expected_range, verdict
 from catalogs.settings import ComparisonSlice, DatedStep
 from catalogs.sources import sizes
 from catalogs.sources.significance import POWER, SIGNIFICANCE
@@ -33,14 +33,13 @@ STEP_APART = np.array([60.0, 0.0, 0.0])  # m, between the places of two steps
 MINE = {"mine": "drawn", "shear_modulus": SHEAR_MODULUS, "potency_floor": 1.0}
 
 
-CONDEMNED = re.compile(rf"(?<!no )(?<!hardly ){MORE_THAN_CHANCE}")
 QUESTION_WORDS = {  # words of the sentence on each
     "number and potency": "the recorded number of events",
-    "sizes": "are large than",
+    "sizes": "b of its potencies",
     "places": "Their places differ",
     "directions": "rock slips in a direction",
 }
-CLOSER = re.compile(r"(?<!no )closer than random (directions|ones) come")
+CLOSER = re.compile(r"(and|though) closer than random (directions|ones) come")
 RANDOM = "random directions"
 
 
@@ -128,7 +127,7 @@ def condemned(sentences: list[str]) -> set[str]:
         name
         for name, words in QUESTION_WORDS.items()
         for sentence in sentences
-        if words in sentence and CONDEMNED.search(sentence)
+        if words in sentence and MORE_THAN_CHANCE in sentence.replace(WITHIN_CHANCE, "")
     }
 
 
