@@ -116,7 +116,8 @@ def _location_text(found: LocationComparison, runs: int, errors: NDArray) -> str
     basis = f"{smeared}. Locations are compared within {'each of ' if found.steps > 1 else ''}"
     basis += f"{plural(found.steps, 'step')}"
     if found.blocks[0] < MIN_BLOCKS:
-        untested = _untested(runs, found.blocks[0], "places", "events above the cut in a step shared with the record")
+        lacking = "events above the cut in a step shared with the record"
+        untested = _untested(runs, found.blocks[0], "places", lacking, "The offset and the p-value take")
         near, far = found.offset_distance_interval
         return (
             f"the energy distance is {found.energy_distance:.1f} m, p = {found.energy_p_value:.3f}. The centroids are "
@@ -140,10 +141,10 @@ def plural(count: int, name: str) -> str:
     return f"{count} {name}{'s' * (count != 1)}"
 
 
-def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
-    """Sentences, without the last full stop, on what is tested nevertheless, and why the others have no interval: the
+def _untested(runs: int, counting: int, what: str, lacking: str, tested: str) -> str:
+    """Sentences, without the last full stop, on the measures with a test, and why the others have no interval: the
     model has too few runs, or too few of them (`counting`) have events that count. what: "places" or "axes"; lacking:
-    what the other runs lack."""
+    what the other runs lack; tested: measures with a test and their verb, empty where there are none."""
     if runs < MIN_BLOCKS:
         why = (
             f"the model ran {'once' if runs == 1 else f'{runs} times'}, and {MIN_BLOCKS} runs are needed to "
@@ -155,11 +156,8 @@ def _untested(runs: int, counting: int, what: str, lacking: str) -> str:
             f"of the model's {runs} runs {have} {lacking}, and {MIN_BLOCKS} are needed to distinguish chance from a "
             "difference"
         )
-    tested = {"places": "The offset and the p-value take", "axes": "The turn of the mean mechanism takes"}[what]
-    return (
-        f"{tested} the model's events to be as clustered as recorded ones. Other measures of {what} have no interval "
-        f"and no p-value: {why}"
-    )
+    basis = f"{tested} the model's events to be as clustered as recorded ones. Other m" if tested else "M"
+    return f"{basis}easures of {what} have no interval and no p-value: {why}"
 
 
 def _thin(index: NDArray, most: int, generator: np.random.Generator) -> NDArray:
@@ -219,7 +217,8 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
         found = compare_axes(
             samples[0], samples[1], seed=settings.seed, resamplings=min(settings.resamplings, MAX_AXES_RESAMPLINGS)
         )
-        found |= mechanism_turn(samples[0], samples[1], np.random.default_rng([settings.seed, 5]))
+        turn = mechanism_turn(samples[0], samples[1], np.random.default_rng([settings.seed, 5]))
+        found |= turn
         found |= _summed(tensors[0][known[0]], record_tensors, weight, runs)
         variables |= {name: (dims[name], value) for name, value in found.items()}
         size = [
@@ -229,8 +228,11 @@ def axes_measures(both, used, blocks, runs: int, settings: ComparisonSettings) -
         clear = np.array([one.clear_share(weight) for one, weight in zip(samples, size, strict=True)])
         variables["axis_clear_share"] = (dims["axis_clear_share"], clear)
         text += _left_out(clear, "events" if apart else "potency") + _shapes_text(found)
-        untested = "" if tested else _untested(runs, counting, "axes", "events with clear axes")
-        text += f". {untested or _resampled(counting, clusters)}"
+        if tested:
+            text += f". {_resampled(counting, clusters)}"
+        else:
+            taken = "The turn of the mean mechanism takes" if turn else ""
+            text += f". {_untested(runs, counting, 'axes', 'events with clear axes', taken)}"
     variables |= {
         "events_with_axes": ("catalogue", np.array(count, np.int64)),
         "model_axes_used": ("event_model", known[0].astype(np.int8)),

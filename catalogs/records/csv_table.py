@@ -192,13 +192,15 @@ def read_table(
 
 
 def _unreadable(error: Exception) -> str:
-    """What pandas found no table in, for a user: a row with more cells than the header has names, quotes that do not
-    end."""
+    """Reason for a user why pandas finds no table, and the remedy: a row with more cells than the header has names,
+    quotation marks that do not close, or, of any other error, its own words."""
     if wide := re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error)):
         return f"row {wide[2]} below the header has {wide[3]} cells, and {wide[1]} are expected; correct the row"
     if isinstance(error, pd.errors.ParserWarning):
         return "rows have more cells than the header has names; give each column a name"
-    return "quotation marks open and do not close; correct them"
+    if "EOF inside string" in str(error):
+        return "quotation marks open and do not close; correct them"
+    return f"{' '.join(str(error).split())}; export it again as a plain table"
 
 
 def _missing_columns(missing: Mapping[str, str], header: list[str]) -> str:

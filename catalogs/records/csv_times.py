@@ -1,5 +1,6 @@
 """Times of a CSV record: one column, date and clock, parts, or numbers, in UTC; and whether they are local."""
 
+import datetime
 import logging
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -110,7 +111,7 @@ def _check_names(table: Table, columns: Sequence[str], zone: str | None, local: 
                 f"{table.source}: column {name!r}: {local} times without an offset are of this zone by the column's "
                 f"name; say it with record.time_zone: '{text}', or UTC if they are that"
             )
-        if is_fixed(zone) and check_zone(zone).utcoffset(None) != check_zone(text).utcoffset(None):
+        if fixed_offset(zone) not in (None, fixed_offset(text)):
             raise InputError(
                 f"{table.source}: column {name!r} is of {text} by its name, and record.time_zone is {zone}; correct "
                 "the one that is wrong"
@@ -118,7 +119,7 @@ def _check_names(table: Table, columns: Sequence[str], zone: str | None, local: 
     if stated:
         return
     utc, at_place = _first(UTC_WORDS, columns), _first(LOCAL_WORDS, columns)
-    if utc and not at_place and zone is not None and not (is_fixed(zone) and not check_zone(zone).utcoffset(None)):
+    if utc and not at_place and zone is not None and fixed_offset(zone) != datetime.timedelta():
         raise InputError(
             f"{table.source}: column {utc!r} is in UTC by its name, and record.time_zone is {zone}; leave that out, or "
             "name the column of local time"
@@ -137,9 +138,9 @@ def _check_names(table: Table, columns: Sequence[str], zone: str | None, local: 
     )
 
 
-def is_fixed(zone: str) -> bool:
-    """True for UTC and for offsets from it, which are the same all year."""
-    return zone.upper() in ("UTC", "GMT", "Z", "ETC/UTC") or bool(re.search(r"[-+]\d", zone))
+def fixed_offset(zone: str) -> datetime.timedelta | None:
+    """Time by which a zone is ahead of UTC; None of one that changes in the course of time. Raises InputError."""
+    return check_zone(zone).utcoffset(None)
 
 
 def _first(words: re.Pattern, names: Iterable[str]) -> str | None:

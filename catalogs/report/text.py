@@ -96,12 +96,13 @@ def beside(value: float, interval, form=number) -> tuple[str, str]:
     ('3.6663', '0.43210 to 3.6658')
     """
     low, high = (float(end) for end in interval)
-    if not np.isfinite([value, low, high]).all() or low <= value <= high:
+    if not np.isfinite([value, low]).all() or np.isnan(high) or low <= value <= high:
         return form(value), between(interval, form)
     near = high if value > high else low
     shown = ((more, *(_bare(form(one, more=more)) for one in (value, near))) for more in range(EXACT_DIGITS))
     more = next((more for more, first, second in shown if first != second), 0)
-    return form(value, more=more), f"{form(low, more=more)} to {form(high, more=more)}"
+    upper = "or more" if high == np.inf else f"to {form(high, more=more)}"
+    return form(value, more=more), f"{form(low, more=more)} {upper}"
 
 
 def _bare(text: str) -> str:

@@ -21,6 +21,8 @@ from catalogs.sources.sizes import LN10
 B_RANGE = (0.05, 3.0)  # of log potency; b of magnitude is 1.5 times as large
 MAX_DRAWN = 1000  # Events whose sizes are drawn one by one.
 POINTS = 200  # of the grid, along each of beta and M
+DRAWS = 4000  # of `largest_interval`
+ROOM = 1.0  # log10 m3 above the largest event seen, within which the law of `largest_interval` may end.
 
 
 @dataclass(frozen=True)
@@ -93,18 +95,14 @@ def draw_law(
     return TruncatedLaw(cut, drawn, cut + np.clip(end[column] + apart[1] * length, end[0], end[-1]))
 
 
-DRAWS = 4000  # of `largest_interval`
-ROOM = 1.0  # log10 m3 above the largest event seen, within which the law of `largest_interval` may end.
-
-
 def largest_interval(
     x: NDArray, cut: float, law: str, dispersion_index: float, generator: np.random.Generator
 ) -> NDArray:
     """95 % interval (2,), log10 m3, of the largest event of another catalogue like this one.
 
-    x (event,): sizes from the cut on, log10 m3; law: POWER or TRUNCATED of `size_law`, which they follow;
-    dispersion_index: variance of their number over its mean. Slope, number and upper end are uncertain. Few sizes do
-    not tell a law that ends from one that does not: where the latter stands, the interval is the hull of both.
+    x (event,): sizes from the cut on, log10 m3, not rounded to bins; law: POWER or TRUNCATED of `size_law`, which they
+    follow; dispersion_index: variance of their number over its mean. Slope, number and upper end are uncertain. Few
+    sizes do not tell a law that ends from one that does not: where the latter stands, the interval is the hull of both.
     """
     expected = dispersion_index * generator.standard_gamma(len(x) / dispersion_index + 0.5, DRAWS)
     if dispersion_index > 1.0:

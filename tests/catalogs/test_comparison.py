@@ -141,7 +141,18 @@ def test_runs_without_clear_axes_do_not_count_for_the_mean_axes():
     result = compare(catalog, as_record(made_up_catalog(300, seed=3)), QUICK | {"members": 3}, members)
     assert result["mean_angle_p_value"].isnull().all()
     assert "of the model's 4 runs only 2 have events with clear axes" in result.attrs["axes_text"]
+    assert "The turn of the mean mechanism takes the model's events to be as" in result.attrs["axes_text"]
     assert np.isfinite(result["energy_p_value"])
+
+
+def test_a_turn_that_is_not_known_is_not_said_to_be_tested():
+    """No modelled source has a clear axis, so there is no mean mechanism."""
+    catalog = made_up_catalog(300)
+    catalog["potency_tensor"][:] = catalog["potency"].values[:, None, None] * np.eye(3)
+    result = compare(catalog, as_record(made_up_catalog(300, seed=3)), QUICK)
+    assert np.isnan(result["mechanism_turn"])
+    assert ". Measures of axes have no interval and no p-value: the model ran once" in result.attrs["axes_text"]
+    assert "turn of the mean mechanism" not in result.attrs["axes_text"]
 
 
 def test_a_shifted_turned_steeper_copy_is_found_out():

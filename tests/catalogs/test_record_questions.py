@@ -84,7 +84,12 @@ def test_an_offset_in_a_name_is_a_zone_that_the_key_must_not_contradict(tmp_path
     )
     assert read(tmp_path, text, columns, time_zone="+08:00")["time"].values[0] == np.datetime64("2019-07-31T22", "ns")
     utc = named("UTC time")
-    assert "is in UTC by its name, and record.time_zone is +10:00" in refused(tmp_path, *utc, time_zone="+10:00")
+    for zone in ("+10:00", "Etc/GMT-10", "Europe/London"):
+        assert f"is in UTC by its name, and record.time_zone is {zone}" in refused(tmp_path, *utc, time_zone=zone)
+    for zone in ("UTC", "Etc/GMT", "Etc/UCT", "GMT0", "Zulu", "+00:00"):  # all are UTC
+        assert read(tmp_path, *utc, time_zone=zone)["time"].values[0] == np.datetime64("2019-08-01T06", "ns")
+    assert "is of +08:00 by its name" in refused(tmp_path, text, columns, time_zone="Etc/GMT")
+    assert read(tmp_path, text, columns, time_zone="Etc/GMT-8").sizes["event"] == 6
 
 
 def test_localities_and_results_are_not_local_times(tmp_path, caplog):

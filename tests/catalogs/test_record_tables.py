@@ -182,6 +182,7 @@ FAULTS = {  # text, settings, what the line says
     "another magnitude": (PLAIN.replace("mw", "ML"), {"columns": COLUMNS | {"mw": "ML"}}, "'ML' is by its name"),
     "negative potency": (PLAIN, {"columns": POTENCY}, "name it in record.columns.log_potency"),
     "nothing whole": (PLAIN.replace(",300,", ",,"), {}, "has a time, a place and a size (2 without a place)"),
+    "an open quote": (PLAIN.replace("100.5", '"100.5'), {}, "quotation marks open and do not close"),
     "more cells than names": (PLAIN.replace("0.5\n", "0.5,1,2,3\n"), {}, "not a readable CSV"),
 }  # fmt: skip
 

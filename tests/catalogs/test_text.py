@@ -43,6 +43,8 @@ def test_an_end_that_is_rounded_outwards_is_beyond_the_end():
         (1.0, (0.3, 0.996), ("1.00", "0.300 to 0.996")),
         (0.43, (0.4301, 2.0), ("0.4300", "0.4301 to 2.000")),
         (9.0, (0.432, 3.66), ("9.0", "0.43 to 3.7")),
+        (0.4296, (0.4304, np.inf), ("0.4296", "0.4304 or more")),
+        (0.4396, (0.4304, np.inf), ("0.44", "0.43 or more")),
     ],
 )
 def test_a_value_outside_of_an_interval_looks_so(value, interval, texts):
