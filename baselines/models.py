@@ -19,13 +19,13 @@ from catalogs.settings import ComparisonSlice
 from catalogs.sources.sizes import log_potency
 
 BOX_MARGIN = 3.0  # Standard deviations of a location between all events and the faces of the box.
-POTENCY, NUMBER = "potency", "number"
+POTENCY, NUMBER, SIZES = "potency", "number", "sizes"  # Inputs of a model that are not scored; sizes: their b.
 NAMES = {
     "Pipeline": "the pipeline's own model",
     "Seeded flaws": "seeded flaws",
     "Excess shear stress": "excess shear stress",
 }
-INPUTS = {"Pipeline": (), "Seeded flaws": (NUMBER,), "Excess shear stress": (NUMBER, POTENCY)}
+INPUTS = {"Pipeline": (), "Seeded flaws": (NUMBER, SIZES), "Excess shear stress": (NUMBER, POTENCY, SIZES)}
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,8 @@ def score_places(
 class Model:
     """A model: name in sentences, label of its column, events of its first run and of all, comparison with the record.
 
-    inputs: which of NUMBER and POTENCY it takes from the record; has_axes: whether its events have mechanisms.
+    inputs: which of NUMBER, POTENCY and SIZES it is given, by the record or the mine file; has_axes: whether its events
+    have mechanisms.
     """
 
     name: str

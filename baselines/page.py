@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from baselines.catalogues import split_runs
 from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
-from baselines.models import NUMBER, POTENCY, Counted, Model, ModelComparison, compare_with_record
+from baselines.models import NUMBER, POTENCY, SIZES, Counted, Model, ModelComparison, compare_with_record
 from baselines.month_report import (
     factor,
     map_rows,
@@ -127,7 +127,7 @@ def measure_rows(models: Sequence[Model], scores: MapScores) -> list[dict]:
         **{f"angle between the mean {name} axes": [axis(model, name) for model in models] for name in ("P", "B", "T")},
         "Kagan angle between the summed tensors": [kagan(model) for model in models],
         "N test of the number, p-value": [test(model, "event_ratio", NUMBER) for model in models],
-        "M test of the sizes (b), p-value": [test(model, "b_difference", POTENCY) for model in models],
+        "M test of the sizes (b), p-value": [test(model, "b_difference", SIZES) for model in models],
         "S test of the places, p-value": [test(model, "energy") for model in models],
     }
     return [{"name": name, "cells": cells} for name, cells in rows.items()]
@@ -188,6 +188,18 @@ def _box_text(box: np.ndarray) -> str:
     return f"x {low_x:g} to {high_x:g} m, y {low_y:g} to {high_y:g} m".replace("-", "−")
 
 
+def _flaw_values(model: Model, flaws: FlawSlice, attributes: Mapping) -> dict[str, str]:
+    """Values of the page's paragraph on flaws; attributes: of their catalogue."""
+    return {
+        "radii": f"{flaws.radii[0]:g} to {flaws.radii[1]:g} m",
+        "exponent": f"{flaws.exponent:g}",
+        "b": fixed(flaws.exponent / 3.0, 2),
+        "density": number(attributes["flaws_per_m3"], 2),
+        "crack_density": number(attributes["crack_density"], 2),
+        "mean": number(len(model.counted.place) / model.counted.runs),
+    }
+
+
 def write_page(
     page: Path,
     mine: str,
@@ -241,15 +253,7 @@ def write_page(
             runs=[model.counted.runs for model in models],
             events=[whole(len(model.counted.place)) for model in models],
             left_out=comparison.left_out,
-            flaws=(seeded := by_label.get("Seeded flaws"))
-            and {
-                "radii": f"{flaws.radii[0]:g} to {flaws.radii[1]:g} m",
-                "exponent": f"{flaws.exponent:g}",
-                "b": fixed(flaws.exponent / 3.0, 2),
-                "density": number(attributes["flaws_per_m3"], 2),
-                "crack_density": number(attributes["crack_density"], 2),
-                "mean": number(len(seeded.counted.place) / seeded.counted.runs),
-            },
+            flaws=_flaw_values(by_label["Seeded flaws"], flaws, attributes) if "Seeded flaws" in by_label else None,
             rocks=[
                 {
                     "name": name,

@@ -163,6 +163,8 @@ def test_inputs_are_marked_and_what_has_no_axes_has_none(found):
     ratio = len(found.models[0].counted.place) / len(found.recorded.place)
     assert rows["number of events, modelled over recorded"][0].startswith(number(ratio))
     assert [cell == INPUT for cell in rows["summed potency, modelled over recorded"]] == [False, False, True]
+    assert rows["M test of the sizes (b), p-value"][1:] == [INPUT, INPUT]  # b of flaws follows from their exponent
+    assert rows["M test of the sizes (b), p-value"][0] != INPUT
     assert [cell == NO_AXES for cell in rows["angle between the mean P axes"]] == [False, False, True]
     assert "(" not in rows["energy distance of the places (0: alike)"][0]  # one run has no interval
     assert all("(" in cell for cell in rows["distance between the centroids"])  # whose interval is of the record
