@@ -1,5 +1,6 @@
 """Streams to a terminal that may go away while a run goes on: a window that closes, `| head`, a lost connection."""
 
+import errno
 import os
 import sys
 from typing import Any, TextIO
@@ -24,8 +25,8 @@ class Outlasting:
         try:
             if self._stream is not None:
                 self._stream.write(text)
-        except ConnectionError:  # BrokenPipeError of a pipe, ConnectionResetError of a socket
-            self._drop()
+        except OSError as error:
+            self._drop(error)
         return len(text)
 
     def flush(self) -> None:
@@ -33,12 +34,16 @@ class Outlasting:
         try:
             if self._stream is not None:
                 self._stream.flush()
-        except ConnectionError:
-            self._drop()
+        except OSError as error:
+            self._drop(error)
 
-    def _drop(self) -> None:
-        """Lead the file descriptor, which other writers and later processes share, to nowhere."""
+    def _drop(self, error: OSError) -> None:
+        """Lead the file descriptor, which other writers and later processes share, to nowhere; raise an error that has
+        another cause than a reader that is gone."""
         assert self._stream is not None
+        # BrokenPipeError of a pipe, ConnectionResetError of a socket; EIO of a terminal
+        if not isinstance(error, ConnectionError) and error.errno != errno.EIO:
+            raise error
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())
         os.close(nowhere)

@@ -1,15 +1,12 @@
 """Openings that are too narrow for the cells, told before anything is computed: those around which too little rock
 would fail, and those that fill would not hold."""
 
-import logging
 from collections.abc import Sequence
 
-from common.errors import InputError
-from mpm_core.geometry.solids import Solid
-from workflow.derived_domain import quiet
+from common.cell_sizes import CELLS_ACROSS_FILL
+from workflow.cells_across import across_of
 from workflow.mine import Mine
 from workflow.mine_settings import Excavation
-from workflow.shapes import check_form
 
 MAX_NAMED = 5  # Excavations that one line names.
 
@@ -20,18 +17,7 @@ def notes(mine: Mine) -> list[str]:
 
     A solid that cannot be read, or encloses nothing, is left to the stage that reads it.
     """
-    from mpm_core.geometry.thickness import CELLS_ACROSS_FILL, cells_across
-
-    cell, across = mine.finest_cell, {}
-    for entry in mine.excavations:
-        if mine.step_index(entry.step) >= 0 and not entry.outside:
-            try:
-                counted = cells_across(_solid(mine, entry), cell)
-            except InputError as error:
-                logging.info("%s", error)
-                continue
-            if counted.cells > 0.0:
-                across[entry.name] = counted
+    cell, across = mine.finest_cell, across_of(mine)
     later = [entry.name for entry in mine.excavations if entry.name in across and _is_filled_later(mine, entry)]
     narrow = sorted((name for name in across if across[name].is_narrow()), key=lambda name: across[name].cells)
     loose = sorted((n for n in later if across[n].is_narrow(CELLS_ACROSS_FILL)), key=lambda name: across[name].cells)
@@ -62,16 +48,3 @@ def _listed(parts: Sequence[str]) -> str:
     """The first MAX_NAMED of them, and how many more there are."""
     more = f" and {len(parts) - MAX_NAMED} more" if len(parts) > MAX_NAMED else ""
     return ", ".join(parts[:MAX_NAMED]) + more
-
-
-def _solid(mine: Mine, entry: Excavation) -> Solid:
-    """The solid of an excavation. Raises InputError."""
-    from mpm_core.geometry.shapes import solid_of
-    from mpm_core.scene.scene_solids import read_entry
-
-    where = f"excavations.{entry.name}"
-    shape = check_form(mine, where, entry)
-    if shape is not None:
-        return solid_of(shape, mine.dimension, entry.name)
-    with quiet():
-        return read_entry(entry.model_copy(update={"file": mine.path(entry.file).as_posix()}), mine.dimension, where)

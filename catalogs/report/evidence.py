@@ -13,6 +13,7 @@ import xarray as xr
 from catalogs.report.text import whole
 from catalogs.settings import InsituStress, ReportSlice, Scheduled
 from catalogs.sources.openings import FILL, NEVER, ROCK, Mining
+from common.cell_sizes import CELLS_ACROSS_FILL
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import UNDATED, check_events
@@ -28,9 +29,6 @@ EVENT_FILES = ("catalog", "record")
 DATASETS = ("spread", *EVENT_FILES, "comparison", "closeness", "grid_convergence", "forecast_scores")
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
-
-
-CELLS_ACROSS_FILL = 4  # Fill holds the walls of an opening that stood open and has so many cells across.
 
 
 @dataclass(frozen=True)

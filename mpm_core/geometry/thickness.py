@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from common.cell_sizes import MIN_SHARE_REACHED, largest_cell
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.solids import Outside, Solid
 
 CELLS_ACROSS_OPENING = 4  # Across fewer, too little rock fails around an opening (study openings).
 CELLS_ACROSS_SLOT = 2  # As CELLS_ACROSS_OPENING for an opening that is thin in one direction only.
-CELLS_ACROSS_FILL = 4  # Of an opening that stood open: else walls have nodes of their own, which fill does not join.
 MIN_SLOT_RATIO = 0.75  # Volume over that of a slab of the same thickness and surface: 3/4 if three times as wide.
 MAX_CELLS_MEASURED = 6  # A thicker solid is as thick as that.
 QUANTILE = 0.25
@@ -22,7 +22,6 @@ POINTS = 256  # of the surface at which the thickness is measured
 STEPS_PER_CELL = 8  # Of a line, before its end is bisected. A gap that is thinner may be missed.
 HALVINGS = 10
 GOLDEN = np.array([0.7548776662466927, 0.5698402909980532])  # Steps of a sequence that fills a square (Roberts 2018).
-MIN_SHARE_REACHED = 0.0125  # A thickness that is this share short of a number of cells counts as the number.
 
 
 class Across(NamedTuple):
@@ -36,10 +35,9 @@ class Across(NamedTuple):
         return self.cells < max(self.needed, needed) * (1.0 - MIN_SHARE_REACHED)
 
     def largest_cell(self, cell: float, needed: int = 0) -> float:
-        """Largest cell, m, with which the opening is not narrow, rounded down to two digits; cell: of those counted."""
-        largest = self.cells * cell / max(self.needed, needed) * (1.0 + MIN_SHARE_REACHED / 2.0)
-        unit = 10.0 ** (np.floor(np.log10(largest)) - 1.0)
-        return float(np.floor(largest / unit) * unit)
+        """Largest cell, m, with which the opening is not narrow, rounded down to two digits; cell: of those counted.
+        There are more than 0 of these."""
+        return largest_cell(self.cells * cell, max(self.needed, needed))
 
 
 def cells_across(solid: Solid | Outside, cell: float) -> Across:

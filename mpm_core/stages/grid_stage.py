@@ -212,6 +212,12 @@ def warn_of_narrow(names: list[str], across: list[Across], size: np.ndarray, cel
     cell has a part of are left out."""
     narrow = [number for number, one in enumerate(across) if one.is_narrow() and size[number] > 0.0]
     for number in narrow:
+        if not across[number].cells > 0.0:
+            logging.warning(
+                "%s: a quarter of its surface or more encloses nothing, as a repeated sheet does; its cells across are "
+                "not known; export it again as one closed surface", names[number],
+            )  # fmt: skip
+            continue
         logging.warning(
             "%s: narrow for cells of %s: %.1f across it, of %d that it needs; use cells of %g m or less",
             names[number], cells.size_text(), across[number].cells, across[number].needed,

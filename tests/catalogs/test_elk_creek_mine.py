@@ -418,3 +418,19 @@ def test_later_panels_are_planned_from_the_file(data, config):
     assert (len(made.dated_steps), made.dated_steps[0], made.dated_steps[-1]) == (17, "2011-07", "2012-11")
     panels = {entry.name.split("_")[1]: entry.step == "history" for entry in made.excavations}
     assert panels == {"1": True, "2": True, "2b": True, "3": False, "3b": False, "4": False, "4b": False}
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["2010-01-01,-29,240,-99,0,1,", "2010-02-01,370,240,300,0,1,", "2010-03-01,570,240,500,0,1,"],
+        ["2010-01-01,0,240,0,-99,1,", "2010-02-01,300,240,300,-99,1,", "2010-03-01,500,240,500,-99,1,"],
+        ["2010-01-01,-199,240,-199,0,1,", "2010-02-01,-99,240,-99,0,1,", "2010-03-01,0,240,0,0,1,"],
+    ],
+)
+def test_a_face_may_lie_where_other_files_have_a_missing_value(folder, rows):
+    """-99 m among others, or of a face as long as the others, is a coordinate; -999 m far from them is none."""
+    (panel,) = panels_of(folder, rows)
+    assert -99 in np.concatenate([panel.tailgate, panel.headgate])
+    with pytest.raises(InputError, match="is no coordinate in metres but stands for a missing value"):
+        panels_of(folder, [rows[0].replace("240", "-999"), *rows[1:]])

@@ -125,3 +125,26 @@ def test_a_draft_says_so_first(tmp_path, mine):
     kept = warnings_of(mine, config=fixtures.CONFIG | {"accuracy": "draft"}, grid=tmp_path / "kept.nc")
     assert "A draft has looser tolerances" in kept
     assert "hardly any cell of twice the size would lie wholly in stope_a and 1 other excavation" in kept
+
+
+def test_banner_names_excavations_whose_surface_encloses_nothing(mine, tmp_path):
+    """Without a thickness no size of cells follows from them, nor from fill in them; from the others one does."""
+    grid = read_dataset(mine.grid)
+    narrow = {"excavation_narrow": json.dumps(["stope_1", "stope_2"])}
+    last = read_dataset(mine.steps[-1]).assign_attrs(unheld_fill=json.dumps({"stope_1": 30}))
+    write_dataset(last, tmp_path / "last.nc")
+    steps = [*mine.steps[:-1], tmp_path / "last.nc"]
+    for number_of_cells, size in (("[4.0, 0.0, 1.2, 1.0]", "1.2"), ("[4.0, 0.0, 0.0, 1.0]", "")):
+        across = {"excavation_cells_across": number_of_cells, "excavation_cells_needed": "[4, 2, 4, 2]"}
+        write_dataset(grid.assign_attrs(narrow | across), tmp_path / "grid.nc")
+        found = banners(fixtures.evidence_of(**mine.arguments(grid=tmp_path / "grid.nc", steps=steps)))
+        said = {one.brief.partition(":")[0]: one for one in found}
+        names = "stope_1" if size else "stope_1, stope_2"
+        assert f"encloses nothing, as a repeated sheet does: {names}. How" in said["surface encloses nothing"].text
+        (fill,) = [one for one in found if "Fill does not hold" in one.text]
+        assert "still open. Fill in the step that mines." in fill.text
+        assert (fill.mend is None) == (not size)
+        if size:
+            assert fill.mend.code == f"grid.finest_cell: {size} m"
+        else:
+            assert not [one for one in found if "Narrow for" in one.text]

@@ -1,6 +1,7 @@
 """A terminal that goes away while a process writes to it."""
 
 import os
+import pty
 import socket
 import subprocess
 import sys
@@ -21,15 +22,17 @@ run_stage("grid", sys.argv[1], work)
 """
 
 
-@pytest.mark.parametrize("kind", ["pipe", "socket", "none"])
+@pytest.mark.parametrize("kind", ["pipe", "socket", "terminal", "none"])
 def test_a_stage_ends_well_although_nobody_reads_what_it_says(tmp_path, kind):
-    """`| head`, a lost connection, a process without standard error: its log is whole, and its result."""
+    """`| head`, a lost connection, a closed window, no standard error: its log is whole, and its result."""
     end, ours = [None, None]
     if kind == "pipe":
         end, ours = os.pipe()
     elif kind == "socket":
         end, ours = (one.detach() for one in socket.socketpair())
         os.write(ours, b"unread")  # then the system says "connection reset" in place of "broken pipe"
+    elif kind == "terminal":
+        end, ours = pty.openpty()
     line = [sys.executable, "-c", STAGE, str(tmp_path / "log"), str(tmp_path / "result")]
     if kind == "none":
         line = ["sh", "-c", 'exec "$@" 2>&-', "sh", *line]

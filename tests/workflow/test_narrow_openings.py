@@ -1,16 +1,25 @@
 """Notes on openings that are too narrow for the cells, before anything runs."""
 
 import copy
+import os
 
 import pytest
 import trimesh
 import yaml
 from tiny_mines import ROOT
 
+from workflow import cells_across
 from workflow.configuration import load_mine
 from workflow.narrow_openings import notes
 
+MEMORY = cells_across.MEMORY / "demo"
 DEMO = yaml.safe_load((ROOT / "config/mines/demo.yaml").read_text())
+
+
+@pytest.fixture(autouse=True)
+def _working_directory(tmp_path, monkeypatch):
+    """What is measured is remembered in the working directory."""
+    monkeypatch.chdir(tmp_path)
 
 
 def mine_of(folder, cell: str, stopes: list[dict]):
@@ -92,3 +101,30 @@ def test_solids_of_files_are_measured(tmp_path):
     odd = [mine.excavations[0].model_copy(update={"name": one["name"], "file": one["file"]}) for one in others]
     mine.excavations = [*mine.excavations, *odd]
     assert notes(mine) == [line]
+
+
+def test_a_second_start_measures_only_what_has_changed(tmp_path, monkeypatch):
+    """Neither solids of shapes nor of files; a file that is replaced, another shape and other cells are measured."""
+    calls = []
+    measure = cells_across.cells_across
+    monkeypatch.setattr(cells_across, "cells_across", lambda solid, *more: calls.append(solid) or measure(solid, *more))
+
+    def measured(cell: str, thickness: float = 6.0) -> list[str]:
+        calls.clear()
+        mine = mine_of(tmp_path, cell, [tabular(0, "2019-08", "2019-09", thickness), scanned])
+        assert "narrow for" in notes(mine)[0]
+        return [solid.name for solid in calls]
+
+    scanned = stope("scanned", None, None, "2019-08", file="stope.stl")
+    for width in (6.0, 5.0):
+        box = trimesh.creation.box(extents=[width, 30.0, 30.0])
+        box.apply_translation([95.0, 50.0, 990.0])
+        box.export(tmp_path / "stope.stl")
+        os.utime(tmp_path / "stope.stl", ns=(int(width), int(width)))  # within a clock's tick of each other
+        assert measured("3 m") == (["stope_0", "scanned"] if width == 6.0 else ["scanned"])
+        assert measured("3 m") == []
+    assert measured("3 m", 7.0) == ["stope_0"]
+    assert measured("4 m", 7.0) == ["stope_0", "scanned"]
+    MEMORY.write_text('{"half": [')
+    assert measured("4 m", 7.0) == ["stope_0", "scanned"]
+    assert measured("4 m", 7.0) == []

@@ -34,7 +34,8 @@ def read_faces(path: Path) -> list[Panel]:
         raise InputError(f"{path}: no position of a face; give a row for each")
     table.decide_decimals(COORDINATES)
     mistakes = Mistakes()
-    places = {name: _coordinates(table, name, mistakes) for name in COORDINATES}
+    numbers = {name: table.numbers(name, strict=False) for name in COORDINATES}
+    places = {name: _coordinates(table, name, numbers, mistakes) for name in COORDINATES}
     dates = _dates(table, mistakes)
     names = table.text(PANEL)
     for row, name in _rows(table, ~names.map(lambda name: bool(PANEL_NAME.fullmatch(name))), PANEL):
@@ -57,14 +58,36 @@ def _rows(table: Table, wrong, name: str) -> list[tuple[int, str]]:
     return [(int(row) + 1, table.rows[name].fillna("").iloc[row].strip()) for row in np.flatnonzero(np.asarray(wrong))]
 
 
-def _coordinates(table: Table, name: str, mistakes: Mistakes) -> np.ndarray:
-    """A column of coordinates (row,) m; adds a mistake for each that is none."""
-    values = table.numbers(name, strict=False)
-    wrong = ~(np.abs(values) <= MAX_COORDINATE) | np.isin(values, MISSING_VALUE_CODES)
-    for row, text in _rows(table, wrong, name):
-        shown = f"{text[:40]!r} is no coordinate in metres" if text else "is empty"
-        mistakes.add(f"{table.source}: row {row}: column {name!r}: {shown}; correct it")
+def _coordinates(table: Table, name: str, numbers: dict[str, np.ndarray], mistakes: Mistakes) -> np.ndarray:
+    """A column of coordinates (row,) m; adds a mistake for each that is none. numbers: all columns, as written."""
+    values = numbers[name]
+    codes = _missing(numbers, name)
+    for row, text in _rows(table, ~(np.abs(values) <= MAX_COORDINATE) | codes, name):
+        shown, more = f"{text[:40]!r} is no coordinate in metres" if text else "is empty", ""
+        if codes[row - 1]:
+            shown = f"{text[:40]!r} is no coordinate in metres but stands for a missing value, far from the others"
+            more = f", or write {text}.01 if the face lies there" if "." not in text else ""
+        mistakes.add(f"{table.source}: row {row}: column {name!r}: {shown}; correct it{more}")
     return values * unit_factor(table.source, name, name, "m", None, table.units.get(name))
+
+
+def _missing(numbers: dict[str, np.ndarray], name: str) -> np.ndarray:
+    """True (row,) for numbers of a column that stand for a missing value: a usual code that lies far from the others,
+    while the other end of the face is a code, too, or not as far away as in other faces."""
+    end, axis = name.split("_")
+    values, other = numbers[name], numbers[f"{ENDS[end == ENDS[0]]}_{axis}"]
+    codes = np.isin(values, MISSING_VALUE_CODES)
+    return codes & _far(values, codes) & (np.isin(other, MISSING_VALUE_CODES) | _far(values - other, codes))
+
+
+def _far(values: np.ndarray, suspect: np.ndarray) -> np.ndarray:
+    """True (row,) for values that are farther from those that are not suspect than these are from each other."""
+    others = values[~suspect & np.isfinite(values)]
+    if not len(others):
+        return np.zeros(len(values), bool)
+    low, high = others.min(), others.max()
+    width = max(high - low, 1.0)
+    return (values > high + width) | (values < low - width)
 
 
 def _dates(table: Table, mistakes: Mistakes) -> np.ndarray:

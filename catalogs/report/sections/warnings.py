@@ -4,19 +4,18 @@ The template is "warnings.html.j2".
 """
 
 import json
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from catalogs.report.evidence import CELLS_ACROSS_FILL, Evidence, ExcavationRow
+from catalogs.report.evidence import Evidence, ExcavationRow
 from catalogs.report.gallery import Gallery
 from catalogs.report.sections import section_number
 from catalogs.report.sections.convergence import cells_too_large
 from catalogs.report.text import MAX_NAMED, number, percent, plural, typeset, whole
+from common.cell_sizes import CELLS_ACROSS_FILL, largest_cell
 
 MAX_OPEN_SHARE = 0.05  # Share of an excavation's volume that may depend on how its surface is closed without a banner.
 MAX_VOLUME_ERROR = 0.05  # Relative error of an excavation's volume on the grid without a banner.
-SIZE_ROUND_OFF = 0.005  # Share of a cell's size that the measured thickness of an opening may lack.
 MAX_TRUNCATED_SHARE = 0.5  # With a larger share of overstressed rock too coarse to fail, the numbers are of no use.
 
 
@@ -110,54 +109,64 @@ def _solids(evidence: Evidence) -> Iterator[Banner]:
         )
         names = _few([name for _, name in opened])
         yield Banner("volume", text, f"no closed solid: {names}", Advice(f"Export as closed surfaces: {names}."))
-    thin = sorted((row for row in rows if row.narrow), key=lambda row: (row.across / row.needed, row.name))
+    if sheets := sorted(row.name for row in rows if row.narrow and not row.across > 0):
+        text = (
+            f"A quarter of the surface or more encloses nothing, as a repeated sheet does: {_named(sheets)}. How many "
+            "cells these excavations have across is not known. Export these solids again as closed surfaces."
+        )
+        names = _few(sheets)
+        yield Banner(
+            "volume", text, f"surface encloses nothing: {names}", Advice(f"Export as closed surfaces: {names}.")
+        )
+    thin = [row for row in rows if row.narrow and row.across > 0]
+    thin.sort(key=lambda row: (row.across / row.needed, row.name))
     unheld = [row for row in rows if row.unheld]
-    sizes = [row.across * cell / row.needed for row in thin]
-    sizes += [row.across * cell / CELLS_ACROSS_FILL for row in unheld]
+    size_narrow = _smallest([largest_cell(row.across * cell, row.needed) for row in thin])
+    size_fill = _smallest([largest_cell(row.across * cell, CELLS_ACROSS_FILL) for row in unheld if row.across > 0])
+    mend = _cells_of(min((size for size in (size_narrow, size_fill) if size), key=float, default=""))
     if thin:
-        size = smallest_of([row.across * cell / row.needed for row in thin])
         named = _named([f"{row.name} {row.across:.1f} of {row.needed:.0f}" for row in thin])
         text = (
             f"Narrow for cells of {number(cell)} m, by cells across and how many are needed: {named}. The walls of "
             "such an opening close too little, and far too little rock fails around it. "
-            f"Cells of {size} m are small enough."
+            f"Cells of {size_narrow} m are small enough."
         )
         names = _few([row.name for row in thin])
         brief = f"too narrow for cells of {cell:g} m, so that too little rock fails there: {names}"
-        yield Banner("truncated", text, brief, _cells_of(smallest_of(sizes)))
+        yield Banner("truncated", text, brief, mend)
     if unheld:
-        yield _unheld_fill(evidence, rows, cell, _cells_of(smallest_of(sizes)))
+        yield _unheld_fill(evidence, rows, size_fill, mend)
 
 
-def _unheld_fill(evidence: Evidence, rows: list[ExcavationRow], cell: float, mend: Advice) -> Banner:
+def _unheld_fill(evidence: Evidence, rows: list[ExcavationRow], size: str, mend: Advice | None) -> Banner:
     """Banner on fill that was placed but does not hold the walls of its opening.
 
-    rows: of mined excavations; cell: edge of the finest cells, m.
+    rows: of mined excavations; size: edge, m, of cells with which it would; empty where that is not known.
     """
     steps = [step["step"] for step in evidence.steps]
     filled = [row for row in rows if row.unheld or (row.fill != "none" and (row.filled in steps or row.filled_at_once))]
     unheld = [row for row in filled if row.unheld]
-    size = smallest_of([row.across * cell / CELLS_ACROSS_FILL for row in unheld])
     count = f"{whole(len(unheld))} of {plural(len(filled), 'filled excavation')}"
     text = (
         f"Fill does not hold the walls of {count}, at {plural(sum(row.unheld for row in unheld), 'node')}: "
         f"{_named([row.name for row in unheld])}. These are fewer than {CELLS_ACROSS_FILL} cells across. Their walls "
         "moved apart while they stood open, and fill that was placed later moves with one of them. Rock fails there as "
-        f"if they were still open. Use cells of {size} m or less, or fill in the step that mines."
+        f"if they were still open. {f'Use cells of {size} m or less, or fill' if size else 'Fill'} in the step that "
+        "mines."
     )
     brief = f"fill holds no walls in {count} (fewer than {CELLS_ACROSS_FILL} cells across)"
     return Banner("truncated", text, brief, mend)
 
 
-def smallest_of(sizes: list[float]) -> str:
-    """The smallest of some cell sizes, m, rounded down to two digits."""
-    least = min(sizes) * (1.0 + SIZE_ROUND_OFF)
-    unit = 10.0 ** (math.floor(math.log10(least)) - 1)
-    return f"{math.floor(least / unit) * unit:.2g}"
+def _smallest(sizes: list[float]) -> str:
+    """The smallest of some cell sizes, m; empty where there are none."""
+    return f"{min(sizes):g}" if sizes else ""
 
 
-def _cells_of(size: str) -> Advice:
-    """Advice to use cells of a size, m."""
+def _cells_of(size: str) -> Advice | None:
+    """Advice to use cells of a size, m; None for an empty size."""
+    if not size:
+        return None
     return Advice("Compute the mine again with cells that fit its openings:", f"grid.finest_cell: {size} m")
 
 
