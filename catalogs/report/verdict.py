@@ -191,9 +191,9 @@ def _sizes(evidence: Evidence) -> list[str]:
     shown = ([hundredths(b, more=more) for b in (model, record)] for more in range(EXACT_DIGITS))
     texts = next((texts for texts in shown if texts[0] != texts[1]), None)
     if texts is None:
-        return [f"The b of its potencies, {hundredths(model)}, is the recorded one."]
+        return [f"Its b of potency, {hundredths(model)}, is the recorded one."]
     side = "higher" if model > record else "lower"
-    return [f"The b of its potencies, {texts[0]}, is {side} than the recorded one, {texts[1]}, by {_judged(chance)}."]
+    return [f"Its b of potency, {texts[0]}, is {side} than the recorded one, {texts[1]}, by {_judged(chance)}."]
 
 
 def _against_face(evidence: Evidence) -> list[str]:

@@ -226,7 +226,7 @@ def test_each_kind_of_difference_has_its_own_limit_of_what_is_noticed(known, nam
 @pytest.mark.parametrize(
     ("b", "chance", "words"),
     [
-        ((0.9, 0.6), 0.002, "The b of its potencies, 0.90, is higher than the recorded one, 0.60, by more than chance"),
+        ((0.9, 0.6), 0.002, "Its b of potency, 0.90, is higher than the recorded one, 0.60, by more than chance"),
         ((0.5, 0.6), 0.03, "0.50, is lower than the recorded one, 0.60, by no more than chance explains (p = 0.030)."),
         ((0.601, 0.602), 0.9, "0.601, is lower than the recorded one, 0.602, by no more than chance explains."),
     ],

@@ -35,7 +35,7 @@ MINE = {"mine": "drawn", "shear_modulus": SHEAR_MODULUS, "potency_floor": 1.0}
 
 QUESTION_WORDS = {  # words of the sentence on each
     "number and potency": "the recorded number of events",
-    "sizes": "b of its potencies",
+    "sizes": "Its b of potency",
     "places": "Their places differ",
     "directions": "rock slips in a direction",
 }
