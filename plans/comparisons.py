@@ -100,10 +100,11 @@ class Comparisons:
         """
         pair = plan, self.first
         count = max(1, (len(self.plans) - 1) * plan.outcome.sizes["size"] * plan.outcome.sizes["distance"])
-        numbers = judged_difference(_yearly_numbers(plan, distance), _yearly_numbers(self.first, distance), count)
-        found = [one.chance(ANY, distance, size) for one in pair]
         if plan.counted == self.first.counted and not any(self.steps(plan)):
             return Difference(1.0, np.ones(2), np.ones(2), np.ones(2), (), (), is_shared=True)
+        first, second = (_yearly_numbers(one, distance) for one in pair)
+        numbers = judged_difference(first, second, [1.0 / one.days(one.counted) for one in pair], count)
+        found = [one.chance(ANY, distance, size) for one in pair]
         ends = np.sqrt(np.prod([-np.log1p(-np.clip(one[1], 0.0, 1.0 - 1e-12)) for one in found], axis=0))
         value = found[0][0] / found[1][0] if found[1][0] > 0.0 else np.nan
         interval, judged, by_chance = (

@@ -7,8 +7,9 @@ each side of the ratio the distances to their ends are added in quadrature (Zou 
 **Chance.** Runs of one number share their perturbation, so runs come in pairs of sums a_i and b_i. The interval holds
 each r for which the differences a_i - r b_i have a mean that Student's t does not tell from 0 (Fieller 1954). If both
 plans are one, a_i - b_i is as likely as b_i - a_i, whatever clusters and heavy tails the sums have and whatever the
-pairs have in common, so that t rejects r = 1 no more often than it states. Fewer than MIN_RUNS runs say too little of
-the variance for an interval.
+pairs have in common, so that t rejects r = 1 about as often as it states. Few runs may agree by chance: each sum varies
+at least as a Poisson number of equal events does. Fewer than MIN_RUNS runs say too little of the variance for an
+interval.
 
 Rows that compare plans at once for many steps or openings would differ by chance somewhere: a verdict is that of an
 interval of a higher level (plans.comparisons).
@@ -108,9 +109,18 @@ def compare_plans(
     both = steps_of_both(plan, other, steps)
     if are_same_runs(both):
         return Difference(1.0, np.ones(2), np.ones(2), np.ones(2), (), (), is_shared=True)
-    first, second = (one[quantity].sel(opening=opening).sum("step").values[is_like_own(one)] for one in both)
+    first, second = (_sums(one, quantity, opening) for one in both)
+    sizes: tuple[float, ...] = (1.0, 1.0)
+    if quantity == POTENCY:
+        numbers = (_sums(one, NUMBER, opening).sum() for one in both)
+        sizes = tuple(sums.sum() / max(number, 1.0) for sums, number in zip((first, second), numbers, strict=True))
     cells, rock = _half_width_by_cells(both, quantity), _log_ratios(both, quantity, DRAW)
-    return judged_difference(first, second, comparisons, cells, rock if len(rock) >= MIN_DRAWS else None)
+    return judged_difference(first, second, sizes, comparisons, cells, rock if len(rock) >= MIN_DRAWS else None)
+
+
+def _sums(outcome: xr.Dataset, quantity: str, opening: str) -> NDArray:
+    """Sums of a quantity over steps, of the plan's own run and its members (run,), near one opening or all."""
+    return outcome[quantity].sel(opening=opening).sum("step").values[is_like_own(outcome)]
 
 
 def steps_of_both(
@@ -139,11 +149,17 @@ def is_like_own(outcome: xr.Dataset) -> NDArray:
 
 
 def judged_difference(
-    first: NDArray, second: NDArray, comparisons: int, cells: float | None = None, rock: NDArray | None = None
+    first: NDArray,
+    second: NDArray,
+    sizes: Sequence[float],
+    comparisons: int,
+    cells: float | None = None,
+    rock: NDArray | None = None,
 ) -> Difference:
     """The difference of two plans by sums of their runs (run,) each, runs of one index being a pair.
 
-    cells: half the width of the 95 % interval of ln ratio by cells; rock: ln ratio in drawn rock (draw,).
+    sizes: mean of an event's share in a sum of the first and the second plan; cells: half the width of the 95 %
+    interval of ln ratio by cells; rock: ln ratio in drawn rock (draw,).
     """
     contains, lacks = [CHANCE], []
     if min(len(first), len(second)) < MIN_RUNS:
@@ -153,7 +169,7 @@ def judged_difference(
     value = float(first.mean() / second.mean()) if second.any() else np.nan
     intervals = []
     for level in (SIGNIFICANCE, SIGNIFICANCE / comparisons):
-        by_chance = paired_interval(first, second, level)
+        by_chance = paired_interval(first, second, sizes, level)
         widths = (cells or 0.0) * norm.isf(level / 2) / norm.isf(SIGNIFICANCE / 2), _interval_by_rock(rock, level)
         intervals.append((by_chance, _widened_interval(value, by_chance, *widths)))
     (_, interval), (judged_by_chance, judged) = intervals
@@ -163,23 +179,27 @@ def judged_difference(
     )  # fmt: skip
 
 
-def paired_interval(first: NDArray, second: NDArray, level: float = SIGNIFICANCE) -> NDArray:
+def paired_interval(first: NDArray, second: NDArray, sizes: Sequence[float], level: float = SIGNIFICANCE) -> NDArray:
     """Interval (2,) of the ratio of the means of two sets of sums (run,), of which those of one index are a pair.
 
-    level: chance that it excludes the true ratio. Its upper end is inf where the second mean may be 0. NaN of fewer
-    than MIN_RUNS pairs, or if all sums are 0.
+    sizes: mean of an event's share in a sum of the first and the second set, 1 for numbers: sums vary at least as those
+    of a Poisson number of equal events. level: chance that it excludes the true ratio. Its upper end is inf where the
+    second mean may be 0. NaN of fewer than MIN_RUNS pairs, or if all sums are 0.
     """
     pairs = min(len(first), len(second))
     first, second = np.asarray(first[:pairs], float), np.asarray(second[:pairs], float)
     if pairs < MIN_RUNS or not (first.any() or second.any()):
         return np.full(2, np.nan)
     if not first.any():
-        return np.array([0.0, 1.0 / _lower_end_over_nothing(second, level)])
+        return np.array([0.0, 1.0 / _lower_end_over_nothing(second, sizes[1], level)])
     if not second.any():
-        return np.array([_lower_end_over_nothing(first, level), np.inf])
+        return np.array([_lower_end_over_nothing(first, sizes[0], level), np.inf])
     # (mean(a) - r mean(b))^2 <= t^2 var(a - r b) / n: a quadratic inequality of r
     scale = first.mean(), second.mean()
-    covariance = np.cov(first / scale[0], second / scale[1]) * t.isf(level / 2, pairs - 1) ** 2 / pairs
+    covariance = np.cov(first / scale[0], second / scale[1])
+    least = np.divide(sizes, scale)  # of the variance: of a Poisson number it is its mean
+    np.fill_diagonal(covariance, np.maximum(covariance.diagonal(), least))
+    covariance *= t.isf(level / 2, pairs - 1) ** 2 / pairs
     constant, linear, square = 1.0 - covariance[0, 0], 1.0 - covariance[0, 1], 1.0 - covariance[1, 1]
     root = np.sqrt(max(linear**2 - square * constant, 0.0))
     lower = max(constant / (linear + root), 0.0) if linear + root > 0.0 else 0.0
@@ -189,16 +209,17 @@ def paired_interval(first: NDArray, second: NDArray, level: float = SIGNIFICANCE
     return scale[0] / scale[1] * np.array([lower, upper])
 
 
-def _lower_end_over_nothing(sums: NDArray, level: float) -> float:
+def _lower_end_over_nothing(sums: NDArray, size: float, level: float) -> float:
     """Lower end of the ratio of the mean of sums (run,) to that of as many runs without an event.
 
     Both totals count as Poisson numbers of equal events, whose size follows from the variance between the runs; so few
-    runs know it to a chi-square.
+    runs know it to a chi-square. It is no smaller than `size`, the mean of an event's share in a sum.
     """
     pairs = len(sums)
     stretch = t.isf(level / 2, pairs - 1) / norm.isf(level / 2)
-    size = max(stretch**2 * sums.var(ddof=1) / sums.mean(), sums.mean() / pairs) / pairs
-    worth = sums.mean() / size + 0.5  # half an event more on either side, Jeffreys' prior
+    worth = (
+        sums.sum() / max(stretch**2 * sums.var(ddof=1) / sums.mean(), size) + 0.5
+    )  # half an event more on either side, Jeffreys' prior
     return float(2.0 * worth * f.ppf(level / 2, 2.0 * worth, 1.0))
 
 

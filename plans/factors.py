@@ -141,8 +141,9 @@ def draw_levels(
         seen = np.stack([chance @ _kernel(grid, one) for one in deviation])
         density = density * seen[:, :, None]
         total = density.sum(axis=-1)
-        log_evidence = log_evidence + np.log(total)
-        density = density / total[..., None]
+        is_possible = total > 0.0  # a jump between two steps may be too rare for a double without scatter and drift
+        log_evidence = log_evidence + np.log(total, out=np.full(total.shape, -np.inf), where=is_possible)
+        density = density / np.where(is_possible, total, 1.0)[..., None]
         filtered.append(density)
     prior = _spike_and_slab(SCATTERS, STEP_SCATTER)[:, None, None] * _spike_and_slab(DRIFTS, DRIFT)
     log_posterior = log_evidence + np.log(prior) - np.log(kappa)[:, None]

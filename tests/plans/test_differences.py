@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from plan_fixtures import HAZARD, STEPS, drawn_ensemble, drawn_events, drawn_run, made_up_grid, outcome_slice, write_run
-from scipy.stats import ttest_1samp
+from scipy.stats import t, ttest_1samp
 
 from catalogs.settings import DatedStep
 from common.errors import InputError
@@ -14,6 +14,7 @@ from verification.answers.statistics.samples import simulated_sizes
 
 NAMES = [step.name for step in STEPS]
 BOTH = (NAMES, NAMES)
+EQUAL = (1.0, 1.0)  # each event adds one to a number
 
 
 def drawn_plan(generator, runs: int, mean: float, b: float, clusters: float, span: float = 2.5) -> tuple:
@@ -25,6 +26,12 @@ def drawn_plan(generator, runs: int, mean: float, b: float, clusters: float, spa
     return tuple(np.array(found).T)
 
 
+def interval_of(quantity: int, *plans: tuple) -> np.ndarray:
+    """Interval of the ratio of numbers (0) or summed sizes (1) of two such plans."""
+    sizes = [plan[quantity].sum() / max(plan[0].sum(), 1.0) for plan in plans]
+    return paired_interval(plans[0][quantity], plans[1][quantity], sizes)
+
+
 @pytest.mark.parametrize("runs", [5, 9])
 @pytest.mark.parametrize(("mean", "b", "clusters"), [(1, 0.9, 1.0), (40, 0.6, 1.0), (10, 0.8, 4.0), (80, 0.6, 8.0)])
 def test_equal_plans_are_hardly_ever_told_apart(runs, mean, b, clusters):
@@ -32,7 +39,7 @@ def test_equal_plans_are_hardly_ever_told_apart(runs, mean, b, clusters):
     generator = np.random.default_rng(runs + mean)
     pairs = [[drawn_plan(generator, runs, mean, b, clusters) for _ in range(2)] for _ in range(400)]
     for quantity in (0, 1):
-        ends = np.array([paired_interval(first[quantity], second[quantity]) for first, second in pairs])
+        ends = np.array([interval_of(quantity, *pair) for pair in pairs])
         assert np.mean((ends[:, 0] > 1.0) | (ends[:, 1] < 1.0)) <= 0.05 + 0.033
 
 
@@ -46,7 +53,7 @@ def test_intervals_hold_a_known_ratio(runs, mean, ratio, b, clusters):
     held = []
     for _ in range(300):
         pair = [drawn_plan(generator, runs, mean * times, b, clusters) for times in (ratio, 1.0)]
-        ends = [paired_interval(pair[0][quantity], pair[1][quantity]) for quantity in (0, 1)]
+        ends = [interval_of(quantity, *pair) for quantity in (0, 1)]
         held.append([np.isnan(one).any() or one[0] <= ratio <= one[1] for one in ends])
     assert (np.mean(held, axis=0) >= 0.93 - 0.044).all()
 
@@ -54,11 +61,28 @@ def test_intervals_hold_a_known_ratio(runs, mean, ratio, b, clusters):
 def test_the_interval_is_that_of_fieller():
     """Its ends are the ratios at which Student's t of the paired differences is at its limit, here by bisection."""
     generator = np.random.default_rng(3)
-    first, second = (generator.gamma(9.0, size=7) * scale for scale in (3.0, 1.0))
-    for end, inside in zip(paired_interval(first, second), (1.01, 0.99), strict=True):
+    first, second = (100.0 * generator.gamma(9.0, size=7) * scale for scale in (3.0, 1.0))
+    interval = paired_interval(first, second, EQUAL)
+    for end, inside in zip(interval, (1.01, 0.99), strict=True):
         assert ttest_1samp(first - end * second, 0.0).pvalue == pytest.approx(0.05)
         assert ttest_1samp(first - inside * end * second, 0.0).pvalue > 0.05
-    np.testing.assert_allclose(paired_interval(second, first)[::-1], 1.0 / paired_interval(first, second))
+    np.testing.assert_allclose(paired_interval(second, first, EQUAL)[::-1], 1.0 / interval)
+
+
+def test_runs_that_agree_by_chance_vary_as_independent_events_do():
+    """One event in each of five runs against two in each, or against none: not told apart. A hundred times as many are,
+    and the interval is as wide as that of independent events."""
+    one = np.ones(5)
+    low, high = paired_interval(one, 2.0 * one, EQUAL)
+    assert low < 0.1
+    assert high > 1.0
+    low, high = paired_interval(100.0 * one, 200.0 * one, EQUAL)
+    assert np.log(high / low) == pytest.approx(2.0 * t.isf(0.025, 4) * np.sqrt(1 / 500 + 1 / 1000), rel=0.02)
+    # the odds of 5.5 to 0.5 gamma variates; 20 events more would raise the end fivefold
+    draws = np.random.default_rng(1).standard_gamma([[5.5], [0.5]], size=(2, 400_000))
+    expected = np.quantile(draws[0] / draws[1], 0.025)
+    assert paired_interval(one, 0.0 * one, EQUAL)[0] == pytest.approx(expected, rel=0.02)
+    np.testing.assert_allclose(paired_interval(7.0 * one, 0.0 * one, (7.0, 1.0))[0], expected, rtol=0.02)
 
 
 def test_runs_that_vary_alike_make_a_narrower_interval_that_holds():
@@ -72,7 +96,7 @@ def test_runs_that_vary_alike_make_a_narrower_interval_that_holds():
             generator.poisson(ratio * (common + 2.0 * generator.standard_gamma(0.05 * 150, 9))).astype(float)
             for ratio in (1.5, 1.0)
         ]
-        paired, alone = paired_interval(*number), paired_interval(number[0], np.roll(number[1], 1))
+        paired, alone = (paired_interval(number[0], np.roll(number[1], by), EQUAL) for by in (0, 1))
         held.append(paired[0] <= 1.5 <= paired[1])
         widths.append([np.log(one[1] / one[0]) for one in (paired, alone)])
     assert np.mean(held) >= 0.93 - 0.044

@@ -235,6 +235,21 @@ def test_a_record_that_drifts_from_the_model_is_followed():
     assert np.diff(forecast_range(constant, 100.0, generator)) < 0.5 * (high - low)
 
 
+def test_a_jump_between_months_is_scatter_or_drift():
+    """20 events in the first month and 2000 in each later one, of 1000 modelled: without scatter and drift such a
+    record has a probability that no double holds. The level is where the last months are, and no warning is given."""
+    nothing = np.empty(0)
+    for later in (1, 2, 9):
+        number = np.append(20.0, np.full(later, 2000.0))
+        made = np.full((5, len(number)), 1000.0)
+        numbers = RecordedNumbers(number, made, np.empty((0, len(number))), 0.0, 1.0, nothing, 0.0, 1.0)
+        with np.errstate(all="raise", under="ignore"):
+            levels = draw_levels(numbers, 2000, np.random.default_rng(8))
+        assert (np.maximum(levels.scatter, levels.drift) > 0.0).all()
+        if later == 9:
+            assert np.exp(np.median(levels.level[-1])) == pytest.approx(2.0, rel=0.3)
+
+
 def test_many_equal_steps_leave_the_chance_of_the_counts():
     """No scatter, no drift: the level is known as well as all counts together say."""
     generator = np.random.default_rng(7)

@@ -162,7 +162,11 @@ def equal_plans(case: dict, chosen: dict, generator: np.random.Generator) -> dic
         comparisons = Comparisons(plans)
         for name, weigh in (("number", np.size), ("potency", np.sum)):
             first, second = (np.array([float(weigh(run[0].potency)) for run in of]) for of in runs)
-            low, high = paired_interval(second, first)
+            sizes = [
+                one.sum() / max(sum(len(run[0].potency) for run in of), 1)
+                for one, of in zip((second, first), runs[::-1], strict=True)
+            ]
+            low, high = paired_interval(second, first, sizes)
             alarms[name].append(bool(low > 1.0 or high < 1.0))
         alarms["page"].append(any(one.is_significant for one in comparisons.every()))
         classes = {likelihoods.likelihood(comparisons.class_chance(plan, DISTANCE, CLASS)) for plan in plans}
