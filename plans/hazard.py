@@ -20,25 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from catalogs.sources.completeness import MIN_EVENTS_ABOVE_CUT
 from catalogs.sources.jackknife import INTERVAL_95
-from catalogs.sources.sizes import LN10, MIN_EVENTS_FOR_B, log_potency
-from catalogs.sources.truncated_law import TruncatedLaw, draw_law
+from catalogs.sources.truncated_law import TruncatedLaw
 from plans.differences import MIN_RUNS
 from plans.factors import Factors, find_factors
 from plans.record import LAW, RECORD, RecordedNumbers
 from plans.runs import StepResult
 from plans.settings import OutcomeSlice
+from plans.size_law import size_law
 
 DRAWS = 2000
 SEED = 1  # One for all plans: they share the draws of what they have in common.
 MAX_EXPECTED = 1e9  # Larger numbers, which few draws of rock may have a long tail of, are as good as this one.
 DAYS_OF_YEAR = 365.25
-# Least room for an upper end above the largest event seen, log10 m3, where all potency of the plan leaves less.
-MIN_ROOM = 1.0
-# Classes of size that runs are compared in: an event that two runs share has not quite the same size in each.
-MAX_CLASSES = 8
-MIN_EVENTS_OF_CLASS = 5  # of each run, on average
 
 
 def run_dispersion(number: NDArray) -> float:
@@ -97,16 +91,15 @@ def find_hazard(
     ahead: NDArray,
     floor: float,
     recorded: RecordedNumbers | None,
-    others: Sequence[Sequence[StepResult]] = (),
+    others: Sequence[Sequence[Sequence[StepResult]]] = (),
 ) -> tuple[dict[str, NDArray], dict[str, Any]]:
     """Expected numbers, chances and forecasts of a plan: variables and attributes of plans.layout.
 
     values: variables of plans.layout with the results of the runs; runs: events from the floor on of the plan's own run
-    and of its members; ahead (step,): steps that begin after the record; others: as runs, what the other plans have and
-    this one does not.
+    and of its members; ahead (step,): steps that begin after the record; others: as runs, of each other plan.
     """
     generator = np.random.default_rng(SEED)
-    law, law_attributes = _law([*runs, *others], len(runs), values["whole_potency"], floor, recorded, generator)
+    law, law_attributes = size_law([runs, *others], floor, recorded, DRAWS, generator)
     counted = ahead if ahead.any() else np.ones_like(ahead)
     own = ~np.isnan(values["number"][:, 0, 0])
     within, number = values["number_within"][own], values["number"][own][:, :, -1]
@@ -201,77 +194,6 @@ def chances(
 def _interval(draws: NDArray) -> NDArray:
     """95 % interval (..., 2) of draws (..., draw)."""
     return np.moveaxis(np.quantile(draws, INTERVAL_95, axis=-1), 0, -1)
-
-
-def independent_share(runs: Sequence[Sequence[StepResult]]) -> float:
-    """Number of independent sizes that each event of these runs counts as: 1 for runs that share nothing, one over
-    their number if all are the same.
-
-    K runs that share a part rho of their events are worth K / (1 + (K - 1) rho) independent ones (Kish 1965). Numbers
-    by class of size, given how many events each run has, differ between such runs by 1 - rho of what they do between
-    independent ones. So Pearson's chi-square is that part of its degrees of freedom, whatever clusters the events make.
-    """
-    if len(runs) < 2:
-        return 1.0
-    square, freedom = 0.0, 0
-    for step in zip(*runs, strict=True):
-        sizes = [log_potency(one.potency) for one in step if len(one.potency)]
-        every = np.concatenate([*sizes, np.empty(0)])
-        classes = min(MAX_CLASSES, int(len(every) / (MIN_EVENTS_OF_CLASS * len(step))))
-        if len(sizes) < 2 or classes < 2:
-            continue
-        # of equal numbers: classes of single events would be those that are not shared
-        edges = np.quantile(every, np.arange(1, classes) / classes)
-        counted = np.array([np.bincount(np.searchsorted(edges, one), minlength=classes) for one in sizes], float)
-        expected = np.outer(counted.sum(axis=1), counted.sum(axis=0)) / counted.sum()
-        square += float(np.sum((counted - expected) ** 2 / expected))
-        freedom += (len(sizes) - 1) * (classes - 1)
-    shared = float(np.clip(1.0 - square / freedom, 0.0, 1.0)) if freedom else 0.0
-    return 1.0 / (1.0 + (len(runs) - 1) * shared)
-
-
-def _law(
-    runs: Sequence[Sequence[StepResult]],
-    own: int,
-    whole_potency: NDArray,
-    floor: float,
-    recorded: RecordedNumbers | None,
-    generator: np.random.Generator,
-) -> tuple[TruncatedLaw | None, dict[str, Any]]:
-    """The law of sizes of the record where it has enough events, else of all runs of all plans, and its attributes;
-    None without.
-
-    The first `own` runs are those of the plan; the others have what other plans do not share with it. All plans that
-    are compared have one law. whole_potency (run, step): that of all events of a step of the plan's own runs, m3.
-    """
-    modelled = log_potency(np.concatenate([step.potency for run in runs for step in run]))
-    x, width, source = modelled, 0.0, "model"
-    whole = float(
-        max(np.nansum(whole_potency, axis=1).max(), *(sum(step.whole_potency for step in run) for run in runs))
-    )
-    if recorded is not None:
-        whole = max(whole, recorded.potency)
-        if len(recorded.sizes) >= MIN_EVENTS_ABOVE_CUT:
-            x, width, source = recorded.sizes, recorded.width, "record"
-    if len(x) < MIN_EVENTS_FOR_B or not np.isfinite(floor):
-        missing = {
-            "law_b": np.nan,
-            "law_bound": np.nan,
-            "law_b_interval": [np.nan] * 2,
-            "law_bound_interval": [np.nan] * 2,
-        }
-        return None, {"law_source": "none", "law_events": len(x), **missing}
-    cap = max(np.log10(whole), float(max(x.max(), modelled.max(initial=-np.inf))) + MIN_ROOM)
-    weight = independent_share(runs[:own]) if source == "model" else 1.0
-    law = draw_law(x, floor, cap, DRAWS, generator, width, weight)
-    return law, {
-        "law_source": source,
-        "law_events": len(x),
-        "law_b": float(np.median(law.rate) / LN10),
-        "law_b_interval": _interval(law.rate / LN10),
-        "law_bound": float(np.median(law.bound)),
-        "law_bound_interval": _interval(law.bound),
-    }
 
 
 def _forecasts(

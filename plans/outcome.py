@@ -55,7 +55,8 @@ def make_outcome(
     runs = [read_run(run, steps, settings.mine) for run in settings.runs]
     like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN]
     recorded = read_recorded(settings, record, comparison) if record is not None and comparison is not None else None
-    compared = [(run.kind, read_steps(run, settings.mine)) for run in settings.compared_runs]
+    known = {step.file: step for run in runs for step in run}
+    compared = [(run.kind, read_steps(run, settings.mine, known)) for run in settings.compared_runs]
     other_floors = [(kind, common_floor([run])) for kind, run in compared]
     own_floors = [common_floor([runs[number] for number in like_own])]
     own_floors += [one for kind, one in other_floors if kind in LIKE_OWN]
@@ -70,7 +71,12 @@ def make_outcome(
     ahead = np.array([is_ahead(step, until) for step in steps])
     counted = [[step.from_floor(floor) for step in runs[number]] for number in like_own]
     numbers = recorded.numbers(floor, shared) if recorded else None
-    others = [[step.from_floor(floor) for step in run] for kind, run in compared if kind in LIKE_OWN]
+    others: list[list[list[StepResult]]] = []
+    for kind, run in compared:
+        if kind == OWN:
+            others.append([])
+        if kind in LIKE_OWN:
+            others[-1].append([step.from_floor(floor) for step in run])
     hazard, attributes = find_hazard(settings, values, counted, ahead, floor, numbers, others)
     attributes = {
         "mine": settings.mine,

@@ -24,7 +24,7 @@ class StepResult:
 
     floor: log10 m3, NaN if nothing failed; whole_potency: of all events, resolved or not, m3; energy_released, J;
     failed_volume, m3; made_from: digest of the inputs of the state. The last three are NaN and empty where the run's
-    states are not read.
+    states are not read. file: the file of the events, which plans may share.
     """
 
     potency: NDArray
@@ -34,6 +34,7 @@ class StepResult:
     energy_released: float = np.nan
     failed_volume: float = np.nan
     made_from: str = ""
+    file: str = ""
 
     def from_floor(self, floor: float) -> "StepResult":
         """Result with only the events of log potency from a floor on; with all events if the floor is NaN."""
@@ -55,9 +56,15 @@ def read_run(run: RunFiles, steps: Sequence[DatedStep], mine: str, has_states: b
     return _with_states(results, run, steps, mine) if has_states else results
 
 
-def read_steps(run: RunFiles, mine: str) -> list[StepResult]:
-    """Results of a run in the steps that it lists, without states. Raises InputError for files of another mine."""
-    return [_read_step(path, mine)[1] for path in run.events]
+def read_steps(run: RunFiles, mine: str, known: dict[str, StepResult]) -> list[StepResult]:
+    """Results of a run in the steps that it lists, without states; known: by file, those that have been read.
+
+    What is read is added to them. Raises InputError for files of another mine.
+    """
+    for path in run.events:
+        if path not in known:
+            known[path] = _read_step(path, mine)[1]
+    return [known[path] for path in run.events]
 
 
 def _read_step(path: str, mine: str, default: str = "") -> tuple[str, StepResult]:
@@ -70,7 +77,7 @@ def _read_step(path: str, mine: str, default: str = "") -> tuple[str, StepResult
         raise InputError(f"{path}: events of step {name} of mine {events.attrs.get('mine')}, not of {mine}")
     is_resolved, potency = events["resolved"].values == 1, events["potency"].values
     location = events["location"].values[is_resolved]
-    return name, StepResult(potency[is_resolved], location, _log_floor(events.attrs), float(potency.sum()))
+    return name, StepResult(potency[is_resolved], location, _log_floor(events.attrs), float(potency.sum()), file=path)
 
 
 def _with_states(

@@ -111,7 +111,7 @@ class OutcomeSlice(Settings):
     differs_in: Texts = ()
     """sections of the mine file in which the plan differs, apart from the sequence and its openings"""
     compared_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()
-    """runs of the plans that it is compared with: events of all plans are counted from one floor"""
+    """runs of the plans that it is compared with, each plan's own first: they share one floor and one law of sizes"""
     recorded_steps: Annotated[tuple[DatedStep, ...], AsTuple] = ()
     """the mine's own dated steps, with a record"""
     recorded_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()

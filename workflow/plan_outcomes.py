@@ -156,14 +156,9 @@ class PlanOutcomes:
         return [{"kind": one["kind"], "events": one["events"]} for one in self._run_files(MINE_FILE_PLAN)]
 
     def _compared_runs(self, plan: str) -> list[dict]:
-        """Runs of the other plans, as far as they are not those of this one."""
-        own = {path for run in self._run_files(plan) for path in run["events"]}
-        found = []
-        for other in self.checked_names:
-            for run in self._run_files(other) if other != plan else ():
-                if events := [path for path in run["events"] if path not in own]:
-                    found.append({"kind": run["kind"], "events": events})
-        return found
+        """Runs of the other plans, each plan's own first. Plans may share files of events."""
+        others = [other for other in self.checked_names if other != plan]
+        return [{"kind": run["kind"], "events": run["events"]} for other in others for run in self._run_files(other)]
 
     def results(self, plan: str) -> list[str]:
         """All that the outcome of a plan is made from, beside grid, record and comparison: states, folders of events.

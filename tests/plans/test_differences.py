@@ -276,6 +276,29 @@ def test_plans_are_counted_from_one_floor(tmp_path):
         compare_plans(alone, plans[1], NUMBER, BOTH)
 
 
+def test_plans_that_share_steps_have_one_law_of_sizes(tmp_path):
+    """Three plans of two steps. The first step is the same in all, the second in two: each event counts once, and all
+    chances have the same law with the same end. Rock of one plan's posterior releases more, which changes nothing."""
+    runs: dict[str, list[dict]] = {"a": [], "b": [], "c": []}
+    generator = np.random.default_rng(6)
+    for number, kind in enumerate(["own", *["member"] * 4]):
+        first, second, other = (drawn_events(count, generator) for count in (40, 25, 60))
+        for name, events in (("a", [first, second]), ("b", [first, other])):
+            runs[name].append(write_run(tmp_path / name / str(number), kind, events))
+        one = runs["a"][-1]["events"][:1]
+        runs["b"][-1]["events"] = one + runs["b"][-1]["events"][1:]
+        runs["c"].append(dict(runs["b"][-1]))
+    runs["a"].append(drawn_run(tmp_path / "a" / "draw", "draw", 7, (900, 900)))
+    made = []
+    for name, own in runs.items():
+        compared = [{"kind": run["kind"], "events": run["events"]} for of in runs if of != name for run in runs[of]]
+        made.append(outcome(tmp_path, own, plan=name, compared_runs=compared))
+    assert [one.attrs["law_events"] for one in made] == [5 * (40 + 25 + 60)] * 3
+    for key in ("law_b", "law_b_interval", "law_bound", "law_bound_interval"):
+        np.testing.assert_array_equal(made[1].attrs[key], made[0].attrs[key])
+        np.testing.assert_array_equal(made[2].attrs[key], made[0].attrs[key])
+
+
 def test_a_companion_of_another_plan_raises_the_shared_floor_only(tmp_path):
     own, other = (drawn_run(tmp_path / name, "own", 1) for name in ("own", "other"))
     coarse = drawn_run(tmp_path / "coarse", "coarse", 2, floor=-1.2)

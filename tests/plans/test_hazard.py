@@ -11,10 +11,10 @@ from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import LN10, estimate_b
 from catalogs.sources.truncated_law import TruncatedLaw, draw_law
 from plans.factors import DRIFT, STEP_SCATTER, Factors, draw_levels, find_factors, steps_of_plan
-from plans.hazard import _law as law_of
-from plans.hazard import chance_of, chances, draw_expected, draw_numbers, independent_share, run_dispersion, widened
+from plans.hazard import chance_of, chances, draw_expected, draw_numbers, run_dispersion, widened
 from plans.record import MONTH, RecordedNumbers
 from plans.runs import StepResult
+from plans.size_law import independent_share, size_law
 from verification.answers.statistics.samples import simulated_sizes
 
 ONE = np.ones(1)
@@ -296,22 +296,20 @@ def test_chance_of_small_rates_is_the_rate():
 
 
 def runs_that_share(generator, share_of: float, runs: int = 9, mean: float = 60.0) -> list[list[StepResult]]:
-    """Runs of two steps, b = 0.8, that have a part of their events in common."""
+    """Two steps, each by run, b = 0.8, that have a part of their events in common."""
     steps = []
     for _ in range(2):
         common = simulated_sizes(generator, generator.poisson(share_of * mean), 0.8, 3.0)
         own = [simulated_sizes(generator, generator.poisson((1.0 - share_of) * mean), 0.8, 3.0) for _ in range(runs)]
         steps.append([10.0 ** np.concatenate([common, one]) for one in own])
-    return [
-        [StepResult(one, np.zeros((len(one), 3)), 0.0, one.sum()) for one in run] for run in zip(*steps, strict=True)
-    ]
+    return [[StepResult(one, np.zeros((len(one), 3)), 0.0, one.sum()) for one in step] for step in steps]
 
 
 def test_runs_that_share_events_are_worth_fewer():
     generator = np.random.default_rng(12)
     same = runs_that_share(generator, 1.0)
     assert independent_share(same) == pytest.approx(1.0 / 9.0)
-    assert independent_share(same[:1]) == 1.0
+    assert independent_share([step[:1] for step in same]) == 1.0
     found = [np.mean([independent_share(runs_that_share(generator, one)) for _ in range(60)]) for one in (0.0, 0.5)]
     assert found[0] > 0.7
     assert found[1] == pytest.approx(1.0 / (1.0 + 8 * 0.5), rel=0.15)
@@ -370,12 +368,11 @@ def test_the_cap_of_the_law_is_all_potency_that_the_plan_releases():
     """Of the run that releases most, all sizes together; with a record that releases more, of the record. The law's end
     reaches up to it, and no farther."""
     size = 10.0 ** (simulated_sizes(np.random.default_rng(1), 30, 0.9) - 2.0)
-    steps = [[StepResult(size, np.zeros((30, 3)), -2.0, float(size.sum()))]]
     assert size.max() < 1.0
-    whole_potency = np.array([[40.0, 60.0], [1.0, 2.0]])
-    law, _ = law_of(steps, 1, whole_potency, -2.0, None, np.random.default_rng(2))
+    runs = [[StepResult(size, np.zeros((30, 3)), -2.0, one) for one in run] for run in ((40.0, 60.0), (1.0, 2.0))]
+    law, _ = size_law([runs], -2.0, None, 2000, np.random.default_rng(2))
     assert law.bound.max() == pytest.approx(2.0, abs=0.05)
     nothing = np.empty(0)
     recorded = RecordedNumbers(ONE, np.ones((1, 1)), np.empty((0, 1)), 0.0, 1.0, nothing, 0.0, 1e3)
-    law, _ = law_of(steps, 1, whole_potency, -2.0, recorded, np.random.default_rng(2))
+    law, _ = size_law([runs], -2.0, recorded, 2000, np.random.default_rng(2))
     assert law.bound.max() == pytest.approx(3.0, abs=0.05)

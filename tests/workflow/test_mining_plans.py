@@ -191,16 +191,23 @@ def test_sections_in_which_a_file_differs_are_named(folders, tmp_path):
 
 
 def test_an_outcome_knows_the_runs_of_the_other_plans(folders, tmp_path):
-    """Events that both have are not listed again; the files are inputs of the outcome."""
+    """All of them, each once for each plan: files that plans share are told by their paths. They are inputs of the
+    outcome."""
     found = outcomes(folders({"longer": LONGER}, grid_convergence=True, hazard={"runs": 1}), tmp_path)
     compared = found.outcome_slice("mine_file")["compared_runs"]
     assert [(run["kind"], run["events"]) for run in compared] == [
-        ("own", ["results/tiny/plans/longer/events/2019-09.nc"]),
-        ("coarse", ["results/tiny/plans/longer/coarse/events/2019-09.nc"]),
+        ("own", ["results/tiny/events/2019-08.nc", "results/tiny/plans/longer/events/2019-09.nc"]),
+        (
+            "coarse",
+            [
+                f"results/tiny/{of}coarse/events/{step}.nc"
+                for of, step in (("", "2019-08"), ("plans/longer/", "2019-09"))
+            ],
+        ),
     ]
     folders = {path.rpartition("/")[0] for run in compared for path in run["events"]}
     assert folders <= set(found.results("mine_file"))
-    assert "compared_runs" not in found.outcome_slice("longer")
+    assert [len(run["events"]) for run in found.outcome_slice("longer")["compared_runs"]] == [1, 1]
 
 
 @pytest.mark.parametrize(("values", "runs"), [({}, 5), ({"ensemble": 7}, 8), ({"hazard": {"runs": 2}}, 2)])

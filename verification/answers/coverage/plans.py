@@ -87,7 +87,7 @@ def plan_of(
         "days": np.full(len(steps), DAYS),
     }  # fmt: skip
     is_ahead = np.arange(len(steps)) >= len(steps) - ahead
-    hazard, attributes = find_hazard(settings, values, runs, is_ahead, 0.0, recorded, others)
+    hazard, attributes = find_hazard(settings, values, runs, is_ahead, 0.0, recorded, [others] if others else [])
     names = [step.name for step in steps]
     names_of = {
         "run_kind": kinds, "made_by": [f"{name} {step}" for step in names], "step": names, "opening": ["drive", ANY],
