@@ -466,7 +466,7 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
     if not mine.dated_steps:
         raise InputError("ensemble: no step has dates, hence no catalogue to show the spread of; set it to 0")
     if reason := why_members_are_alike(mine):
-        raise InputError(f"ensemble: {reason}, or ensemble to 0")
+        raise InputError(f"ensemble: {reason}, or set ensemble to 0")
 
 
 def why_members_are_alike(mine: Mine) -> str:

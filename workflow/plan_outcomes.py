@@ -57,7 +57,7 @@ class PlanOutcomes:
         if mine.dimension != 3:
             sys.exit(f"{self.mine_file}: plane: {mine.plane}; plans need a mine in three dimensions, plane: none")
         if mine.plan_members and (reason := why_members_are_alike(mine)):
-            sys.exit(f"{self.mine_file}: hazard.runs: {reason}, or hazard.runs to 1")
+            sys.exit(f"{self.mine_file}: hazard.runs: {reason}, or set hazard.runs to 1")
         for name, plan in mine.settings.plans.items():
             if plan.file is not None:
                 self._check_file(name)
@@ -100,34 +100,37 @@ class PlanOutcomes:
         return [self.outcome(plan) for plan in self.checked_names]
 
     def tell_cost(self) -> None:
-        """Print how many jobs of mechanics the plans need that are not made yet, and how long these take, to stderr.
+        """Print which jobs of mechanics the plans need that are not made yet, and how long these take, to stderr.
 
-        Steps of the mine that have run say how long a step takes. Nothing is printed where no job is missing.
+        Each takes as long as those of its kind that the mine itself has run. Nothing is printed where none is missing.
         """
+        mine, logs = self.mine, Path("logs") / self.mine.name
         runs = [run for plan in self.checked_names for run in self.runs(plan)]
         folders = [folder for kind, folder in runs if kind != COARSE_RUN]
-        steps = dict.fromkeys(
+        coarse = [f"results/{folder}/catalog.nc" for kind, folder in runs if kind == COARSE_RUN]
+        steps = [
             self.files.result(folder, f"steps/{step}")
             for folder in folders
             for step in self.folders.mine_at(folder).mined_steps
-        )
-        companions = [folder for kind, folder in runs if kind == COARSE_RUN]
-        missing = [path for path in steps if not Path(path).is_file()]
-        coarse = [folder for folder in companions if not Path(f"results/{folder}/catalog.nc").is_file()]
-        if not missing and not coarse:
-            return
-        logs = [f"logs/{self.mine.name}/steps/{step}.log" for step in self.mine.mined_steps]
-        known = [cost.next_seconds for log in logs if (cost := cost_of(log))]
-        time = "nothing is known of their time yet"
-        if known:
-            time = duration_text(len(missing) * sum(known) / len(known))
-            time = f"about {time}, as long as steps of {self.mine.name} took"
-        more = f", and {len(coarse)} runs on cells of twice the size" if coarse else ""
-        print(
-            f"{self.mine.name}: plans: {len(self.checked_names)} plans with {1 + self.mine.plan_members} runs each "
-            f"(hazard.runs, ensemble) need {len(missing)} more steps{more}: {time}",
-            file=sys.stderr,
-        )
+        ]
+        jobs = [
+            (stage, [self.files.result(folder, result) for folder in folders], [logs / f"{result}.log"])
+            for stage, result in (("grid{}", "grid"), ("elastic state{}", "elastic"))
+        ]
+        jobs.append(("step{}", steps, [logs / "steps" / f"{step}.log" for step in mine.mined_steps]))
+        jobs.append(("run{} on cells of twice the size", coarse, [logs / f"{COARSE}.log"]))
+        parts = []
+        for stage, files, logs_of_stage in jobs:
+            if missing := sum(not Path(file).is_file() for file in set(files)):
+                known = [cost.next_seconds for log in logs_of_stage if (cost := cost_of(log))]
+                time = f"about {duration_text(missing * sum(known) / len(known))}" if known else "time not known yet"
+                parts.append(f"{missing} more {stage.format('s' if missing > 1 else '')} ({time})")
+        if parts:
+            print(
+                f"{mine.name}: plans: {len(self.checked_names)} plans with {1 + mine.plan_members} runs each "
+                f"(hazard.runs, ensemble) need {', '.join(parts)}",
+                file=sys.stderr,
+            )
 
     def runs(self, plan: str) -> list[tuple[str, str]]:
         """Kind (plans.settings.RunFiles) and folder of each run of a plan."""

@@ -49,7 +49,7 @@ def test_cells_that_cannot_change_are_refused_with_what_would_let_them(refuse):
 
 def test_a_draft_of_an_ensemble_needs_increments_to_halve(refuse, accept):
     line = refuse(TINY, accuracy="draft", ensemble=2, **{"solver.increments": 2})
-    assert "accuracy: draft has made 1 of solver.increments; set that to 3 or more, or ensemble to 0" in line
+    assert "accuracy: draft has made 1 of solver.increments; set that to 3 or more, or set ensemble to 0" in line
     assert accept(TINY, accuracy="draft", ensemble=2, **{"solver.increments": 3}).members == 2
 
 

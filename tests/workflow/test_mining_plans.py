@@ -228,17 +228,30 @@ def test_the_cost_of_plans_is_told_before_they_run(folders, tmp_path, monkeypatc
     found = outcomes(folders({"longer": LONGER}, grid_convergence=False), tmp_path)
     found.outcomes()
     said = capsys.readouterr().err
-    assert said == (
-        "tiny: plans: 2 plans with 5 runs each (hazard.runs, ensemble) need 15 more steps: nothing is known of their "
-        "time yet\n"
-    )
+    assert said.startswith("tiny: plans: 2 plans with 5 runs each (hazard.runs, ensemble) need ")
+    assert said.endswith("15 more steps (time not known yet)\n")
     found.outcomes()
     assert capsys.readouterr().err == ""
     for path in ("results/tiny/steps/2019-08.nc", "results/tiny/steps/history.nc", "logs/tiny/steps/2019-08.log"):
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(f"{Costs(120.0, 200.0, 0.0, 900.0).closing_line('step')}\n")
     found.tell_cost()
-    assert "need 13 more steps: about 26 min, as long as steps of tiny took" in capsys.readouterr().err
+    assert "13 more steps (about 26 min)" in capsys.readouterr().err
+
+
+def test_the_cost_of_coarse_runs_is_that_of_the_own_one(folders, tmp_path, monkeypatch, capsys):
+    """All steps are made; two runs on cells of twice the size are missing, of which one took ten minutes."""
+    monkeypatch.chdir(tmp_path)
+    found = outcomes(folders({"longer": LONGER}, grid_convergence=True, hazard={"runs": 1}), tmp_path)
+    for folder in [folder for plan in found.checked_names for kind, folder in found.runs(plan) if kind != "coarse"]:
+        steps = [f"steps/{step}" for step in found.folders.mine_at(folder).mined_steps]
+        for path in [tmp_path / found.files.result(folder, one) for one in ("grid", "elastic", *steps)]:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+    (tmp_path / "logs/tiny").mkdir(parents=True)
+    (tmp_path / "logs/tiny/coarse.log").write_text(f"{Costs(600.0, 900.0, 0.0, 900.0).closing_line('companion')}\n")
+    found.tell_cost()
+    assert capsys.readouterr().err.endswith(" need 2 more runs on cells of twice the size (about 20 min)\n")
 
 
 @pytest.mark.parametrize(
