@@ -123,7 +123,8 @@ def first_page(
     diameter = _diameters([events["mw"].values for _, events in largest.values()])
     silhouettes = Silhouettes(grid)
     colours = {index: one.colour for one in openings for index in one.excavations}
-    order = [*nearby, *drawing_order(grid, [index for index in colours if index not in set(nearby)])]
+    below = set(nearby)
+    order = [*nearby, *drawing_order(grid, [index for index in colours if index not in below])]
     for axes, plane, (low, high) in zip(array, planes, boxes, strict=True):
         origin = np.array([0.0 if plane.along_axis else low[0], 0.0])
         _dress(axes, plane, low - origin, high - origin)

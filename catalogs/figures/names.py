@@ -41,11 +41,19 @@ def bodies_named(
     """Bodies with these names, the most important first. order: in which bodies are drawn, later ones over earlier
     ones; curves: of each body."""
     place = {index: number for number, index in enumerate(order)}
-    return [
-        Named(name, curves[index], [curve for over in order[place[index] + 1 :] for curve in curves[over]])
-        for index, name in names.items()
-        if index in place and curves[index]
-    ]
+    drawn = [curve for index in order for curve in curves[index]]
+    first = np.cumsum([0, *(len(curves[index]) for index in order)])
+    low, high = (np.array([of(curve, axis=0) for curve in drawn]).reshape(-1, 2) for of in (np.min, np.max))
+    bodies = []
+    for index, name in names.items():
+        if index not in place or not curves[index]:
+            continue
+        start, end = first[place[index] : place[index] + 2]
+        meets = low[end:] <= high[start:end].max(axis=0)
+        meets &= high[end:] >= low[start:end].min(axis=0)
+        covers = [drawn[number] for number in end + np.flatnonzero(meets.all(axis=1))]
+        bodies.append(Named(name, curves[index], covers))
+    return bodies
 
 
 def write_names(
@@ -65,8 +73,10 @@ def write_names(
     nothing is seen.
     """
     to_pixels, back = axes.transData.transform, axes.transData.inverted().transform
+    covers = {id(curve): curve for one in named for curve in one.covers}  # bodies share them
+    paths = {key: Path(to_pixels(curve)) for key, curve in covers.items()}
     shown = [
-        _Body(one.name, [to_pixels(curve) for curve in one.curves], [Path(to_pixels(curve)) for curve in one.covers])
+        _Body(one.name, [to_pixels(curve) for curve in one.curves], [paths[id(curve)] for curve in one.covers])
         for one in named
     ]
     dots = to_pixels(points) if points is not None and len(points) else np.zeros((0, 2))

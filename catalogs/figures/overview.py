@@ -237,8 +237,8 @@ def _mark_cuts(axes: Axes, panel: _Panel, panels: Sequence[_Panel]) -> None:
 def _by_importance(grid: xr.Dataset, mined: Sequence[Sequence[int]], planned: Sequence[int]) -> list[int]:
     """Excavations in the order in which they are named: those of the last step, then all by size."""
     volume = np.asarray(json.loads(grid.attrs["excavation_volume"]), float)
-    last = next((own for own in reversed(mined) if own), planned)
-    return sorted(range(len(volume)), key=lambda index: (index not in set(last), -volume[index]))
+    last = set(next((own for own in reversed(mined) if own), planned))
+    return sorted(range(len(volume)), key=lambda index: (index not in last, -volume[index]))
 
 
 def _draw_domain(

@@ -77,10 +77,10 @@ def _picture(evidence: Evidence, gallery: Gallery) -> dict:
         index for index, row in enumerate(rows) if not row.planned
     ]
     largest = _largest(evidence)
-    worst = worst_openings(evidence)
+    label, worst = worst_openings(evidence)
     names = {index: rows[index].name for index in worst}
     drawn = first_page(evidence.grid, _openings(evidence), focus, evidence.planned, largest, names)
-    return gallery.add("first_page", drawn) | {"caption": _caption(evidence, focus, largest, len(worst))}
+    return gallery.add("first_page", drawn) | {"caption": _caption(evidence, focus, largest, label, len(worst))}
 
 
 def _bars(evidence: Evidence, gallery: Gallery, lines: Sequence[StepLine]) -> dict:
@@ -103,20 +103,21 @@ def _bars(evidence: Evidence, gallery: Gallery, lines: Sequence[StepLine]) -> di
     return gallery.add("first_page_steps", figure)
 
 
-def worst_openings(evidence: Evidence) -> list[int]:
-    """Indices of the openings with most modelled potency nearest to them, or recorded potency where the model has none,
-    at most MAX_NAMED_OPENINGS, the first one the worst; empty without events."""
+def worst_openings(evidence: Evidence) -> tuple[str, list[int]]:
+    """Openings with most modelled potency nearest to them, or recorded potency where the model has none: the label of
+    that catalogue, and their indices, at most MAX_NAMED_OPENINGS, the first one the worst. Both are empty without
+    events."""
     shown = shown_catalogues(evidence)
     if not shown:
-        return []
+        return "", []
     counted = compared_events(evidence, shown)
     rows = opening_rows(evidence, list(shown.values()), list(counted.values()))
     side = next((side for side in range(len(shown)) if any(row.sides[side].potency > 0 for row in rows)), None)
     if side is None:
-        return []
+        return "", []
     rows = sorted((row for row in rows if row.sides[side].potency > 0), key=lambda row: -row.sides[side].potency)
     index = {row.name: number for number, row in enumerate(evidence.excavations)}
-    return [index[row.name] for row in rows[:MAX_NAMED_OPENINGS]]
+    return list(shown)[side], [index[row.name] for row in rows[:MAX_NAMED_OPENINGS]]
 
 
 def _step_colours(evidence: Evidence) -> list:
@@ -135,10 +136,13 @@ def _openings(evidence: Evidence) -> list[Mined]:
     return found
 
 
-def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[str, xr.Dataset]], named: int) -> str:
+def _caption(
+    evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[str, xr.Dataset]], label: str, named: int
+) -> str:
     """Caption of the picture: the events drawn, the number of those beyond its edges, and which openings are named.
 
-    largest: by label of the catalogue, the colour and the events to be drawn; named: number of openings.
+    largest: by label of the catalogue, the colour and the events to be drawn; named: number of openings with most
+    potency in the catalogue of this label.
     """
     drawn = {label: events for label, (_, events) in largest.items() if events.sizes["event"]}
     if not drawn:
@@ -153,7 +157,8 @@ def _caption(evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[
     outside = 0 if box is None else sum(int((~within_reach(place, *box)).sum()) for place in places)
     text += f" {plural(outside, 'event')} farther away not shown." if outside else ""
     openings = "The opening" if named == 1 else f"The {named} openings"
-    return text + (f" {openings} with most potency nearby {'is' if named == 1 else 'are'} named." if named else "")
+    potency = f"{label.lower().replace(' (twin)', '')} potency"
+    return text + (f" {openings} with most {potency} nearby {'is' if named == 1 else 'are'} named." if named else "")
 
 
 def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:

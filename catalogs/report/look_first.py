@@ -45,7 +45,7 @@ def _by_place(evidence: Evidence, events: xr.Dataset, counted: NDArray) -> dict[
     potency = np.where(counted & np.isfinite(events["potency"].values), events["potency"].values, 0.0)
     total = potency.sum()
     opening, step = nearest_mined(evidence, events)[0], step_of_events(evidence, events)
-    dated = [place for place, one in enumerate(evidence.steps) if one in evidence.dated]
+    dated = [place for place, one in enumerate(evidence.steps) if int(one["dated"])]
     near = (opening >= 0) & np.isin(step, dated) & (potency > 0.0)
     return {
         (int(key[0]), int(key[1])): (float(here.sum() / total), float(here.max()))

@@ -18,7 +18,7 @@ from common.errors import InputError
 
 NEIGHBOURS = 16  # Cells, nearest by their centres, among which the nearest by its sides is looked for.
 NEVER = 1 << 30  # Place in the order of steps of what no step does.
-MIN_OVERLAP = 0.05  # Excavations overlap that have this share of the smaller one in common.
+MIN_OVERLAP = 0.05  # Excavations overlap that have more than this share of the smaller one in common.
 NOTHING, ROCK, FILL = range(3)  # What an excavation mines of one of its pieces.
 
 
@@ -51,18 +51,19 @@ class Mining:
         state, last = np.full(part.max(initial=-1) + 1, ROCK), np.full(part.max(initial=-1) + 1, -1)
         takes, until = np.full(len(part), NOTHING), np.full(len(part), NEVER)
         mined, filled = np.asarray(mined, np.int64), np.asarray(filled, np.int64)
+        order, place = np.lexsort((excavation, mined[excavation])), np.argsort(filled[excavation], kind="stable")
+        mined_in, filled_in = mined[excavation[order]], filled[excavation[place]]
         for step in np.unique(np.concatenate([mined, filled])):
             if step == NEVER:
                 continue
-            own = np.flatnonzero(mined[excavation] == step)
-            own = own[np.argsort(excavation[own], kind="stable")]
+            own = order[slice(*np.searchsorted(mined_in, [step, step + 1]))]
             own = own[np.unique(part[own], return_index=True)[1]]  # of each part the first excavation
             own = own[state[part[own]] != NOTHING]
             takes[own] = state[part[own]]
             again = last[part[own]]
             until[again[again >= 0]] = step
             state[part[own]], last[part[own]] = NOTHING, own
-            placed = part[filled[excavation] == step]
+            placed = part[place[slice(*np.searchsorted(filled_in, [step, step + 1]))]]
             state[placed[state[placed] == NOTHING]] = FILL
         volume = grid["piece_volume"].values
         return cls(grid["piece_origin"].values, excavation, mined[excavation], takes, until, volume, len(mined))
@@ -105,7 +106,7 @@ def _parts_of(grid: xr.Dataset) -> NDArray:
 
 
 def overlaps(grid: xr.Dataset) -> list[tuple[int, int]]:
-    """Pairs of excavations that hold the same points of cells, at least MIN_OVERLAP of the smaller one."""
+    """Pairs of excavations that hold the same points of cells, more than MIN_OVERLAP of the smaller one."""
     if "piece_samples" not in grid or not grid.sizes["piece"]:
         return []
     samples, owner = grid["piece_samples"].values, grid["piece_excavation"].values.astype(np.int64)
@@ -117,6 +118,7 @@ def overlaps(grid: xr.Dataset) -> list[tuple[int, int]]:
     for apart in range(1, int(np.bincount(cell).max())):  # places between two pieces of one cell in the list
         first = np.flatnonzero(cell[apart:] == cell[:-apart])
         shared = np.bitwise_count(samples[first] & samples[first + apart])
+        first, shared = first[shared > 0], shared[shared > 0]
         for one, other, count in zip(owner[first], owner[first + apart], shared, strict=True):
             both[min(one, other), max(one, other)] += count
     return [(int(a), int(b)) for (a, b), count in both.items() if count > MIN_OVERLAP * min(total[a], total[b])]

@@ -171,12 +171,15 @@ class Model:
     def unheld_fill(self, step: int) -> dict[str, int]:
         """Fill that does not hold the walls between which it lies once `step` is mined and filled: number of nodes at
         which it does not, by name of the excavation."""
+        cells, place = np.unique(self.unheld, return_inverse=True)
         now, found = self.changes.until(step, owned_by_rock=False), {}
-        for number in np.unique(self.changes.owner[now[np.isin(self.changes.cell[now], self.unheld)]]):
-            own = now[self.changes.owner[now] == number]
-            samples = np.zeros(len(self.cell_nodes), np.uint64)
-            np.bitwise_xor.at(samples, self.changes.cell[own], self.changes.samples[own])
-            at_node = (samples != NO_SAMPLES)[self.unheld] & (self.unheld != NO_CELL)
+        now = now[np.isin(self.changes.cell[now], cells)]
+        owner, changed = self.changes.owner[now], np.searchsorted(cells, self.changes.cell[now])
+        for number in np.unique(owner):
+            own = owner == number
+            samples = np.zeros(len(cells), np.uint64)
+            np.bitwise_xor.at(samples, changed[own], self.changes.samples[now[own]])
+            at_node = (samples != NO_SAMPLES)[place.reshape(self.unheld.shape)] & (self.unheld != NO_CELL)
             if places := int(np.count_nonzero(at_node.any(axis=1))):
                 found[self.scene.excavations[number].name] = places
         return found

@@ -98,10 +98,8 @@ def latest_and_largest(lines: Sequence[StepLine], most: int = MAX_LINES) -> list
 def mined_volumes(evidence: Evidence) -> dict[str, float]:
     """Rock that each step mines, on the grid, m3. Where solids overlap it counts once, in the step that comes first;
     fill that is mined again is no rock."""
-    return {
-        step["step"]: sum(row.mined for row in evidence.excavations if row.step == step["step"])
-        for step in evidence.steps
-    }
+    rows = evidence.excavations
+    return {step["step"]: sum(row.mined for row in rows if row.step == step["step"]) for step in evidence.steps}
 
 
 def shear_modulus(evidence: Evidence) -> float:
