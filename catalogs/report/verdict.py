@@ -116,10 +116,8 @@ def _by_chance(p_value: float) -> str:
 
 def _judged(p_value: float) -> str:
     """Words for one of the tests of a page, whose level is TEST_LEVEL: the page as a whole then calls a right model
-    wrong with the chance SIGNIFICANCE at most. A p-value that would be small for an only test is named."""
-    if p_value <= TEST_LEVEL:
-        return MORE_THAN_CHANCE
-    return f"{WITHIN_CHANCE} (p = {number(p_value, 2)})" if p_value <= SIGNIFICANCE else WITHIN_CHANCE
+    wrong with the chance SIGNIFICANCE at most."""
+    return MORE_THAN_CHANCE if p_value <= TEST_LEVEL else WITHIN_CHANCE
 
 
 def differs(evidence: Evidence, name: str) -> bool:
@@ -287,17 +285,10 @@ def _is_noticeable(name: str, value: float) -> bool:
 
 
 def _levels(comparison: xr.Dataset) -> str:
-    """Sentences on the limits of the tests that were made, and on the share of right models that fails any of those
-    that compare model and record."""
+    """Sentence on the share of right models that fails any of the tests of a difference that were made."""
     made = sum(bool(np.isfinite(comparison[f"{name}_p_value"])) for name in TESTS)
-    tests = f"Each of the {made} tests of a difference" if made > 1 else "The test of the difference"
-    text = (
-        f"{tests} has p = {TEST_LEVEL:g} as its limit, so that at most one right model in "
-        f"{round(1 / (made * TEST_LEVEL))} fails{' any' if made > 1 else ''}."
-    )
-    if np.isfinite(comparison["mechanism_turn_random_p_value"]):
-        text += f" That against random directions has p = {SIGNIFICANCE:g}."
-    return text
+    tests = f"one of these {made} tests" if made > 1 else "this test"
+    return f"At most one right model in {round(1 / (made * TEST_LEVEL))} fails {tests}."
 
 
 def _multiple(ratio: float) -> str:
