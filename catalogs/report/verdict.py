@@ -275,7 +275,7 @@ def _noticed(evidence: Evidence) -> list[str]:
         return []
     few_runs = ""
     if not np.isfinite(comparison["energy_distance_interval"]).all():
-        few_runs = " Too few runs show the model's chance: its events are taken to be as clustered as recorded ones."
+        few_runs = " The model's chance is taken to be the record's, since too few runs show it."
     return [f"{', '.join(text)}. {_levels(comparison)}{few_runs}"]
 
 

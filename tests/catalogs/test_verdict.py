@@ -73,7 +73,7 @@ def test_ratios_are_said_as_people_say_them(value, text):
     [
         (1 / 29, (1 / 60, 1 / 12), 0.001, "releases 1/29 of the recorded potency (95 %: 1/60 to 1/12), in"),
         (1 / 29, (1 / 60, 1 / 12), 0.001, "The difference in potency is more than chance explains, and that in number"),
-        (0.5, (0.3, 0.9), 0.03, "The difference in potency is no more than chance explains, and"),
+        (0.5, (0.3, 0.9), 0.03, "Both differences are no more than chance explains."),
         (4.0, (1.5, np.inf), 0.001, "releases 4.0 times the recorded potency (95 %: 1.5 or more), in"),
         (1.2, (0.703, 2.11), 0.5, "releases 1.2 times the recorded potency (95 %: 0.70 to 2.2), in"),
         (1.2, (0.7, 2.1), 0.5, "Both differences are no more than chance explains."),
@@ -192,7 +192,7 @@ def test_the_page_states_what_it_would_have_noticed(known):
     ) in text
     assert "Too few runs" not in text
     alone = compared(one, energy_distance_interval=(np.nan, np.nan))
-    assert "Too few runs show the model's chance: its events are taken to be as clustered" in said(alone)
+    assert "The model's chance is taken to be the record's, since too few runs show it" in said(alone)
 
 
 def test_only_tests_that_were_made_are_counted(known):

@@ -60,7 +60,7 @@ def test_the_readme_has_one_command_for_the_demo_and_one_for_the_tests():
 
 @pytest.mark.parametrize(
     ("page", "folders"),
-    [("reading-the-report.md", ("catalogs/report",)), ("running.md", ("mpm_core", "catalogs"))],
+    [("reading-the-report.md", ("catalogs/report",)), ("running.md", ("mpm_core", "catalogs", "workflow"))],
 )
 def test_pages_quote_warnings_that_are_given(page, folders):
     files = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".j2")]
