@@ -65,7 +65,7 @@ def test_maps_of_the_record_gain_what_an_independent_reckoning_found(data):
     periods = Periods.of(times[:-1], times[1:], np.datetime64("2009-11-01", "ns"))
     face = Face.of([FacePosition.of(one) for one in elk_creek_face(data)])
     box, deviation = np.array([[9800.0, 4200.0], [12800.0, 6500.0]]), np.full(len(step), 126.0 / np.sqrt(3.0))
-    scores = MonthMaps(recorded, step, deviation, every, periods, face, box, {}).scores()
+    scores = MonthMaps(recorded, step, np.arange(len(step)), deviation, every, periods, face, box, {}).scores()
     gain = dict(zip(scores.labels, np.array([scores.mean(month) for month in (1, 2, 3)]).T, strict=True))
     found = {
         "all_earlier": [2.27, 2.31, 2.43],
