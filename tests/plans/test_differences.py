@@ -129,7 +129,9 @@ def test_a_plan_beside_itself(tmp_path):
         for opening in ("any", "stope_1"):
             found = compare_plans(one, other, quantity, BOTH, opening)
             assert found.value == 1.0
-            np.testing.assert_allclose(found.interval, 1.0)  # of pairs that are the same
+            # Pairs that are the same tell nothing apart, but few numbers may agree by chance.
+            assert found.interval[0] <= 1.0 <= found.interval[1]
+            np.testing.assert_allclose(np.prod(found.interval), 1.0, rtol=0.01)
             assert found.verdict == "difference within chance"
             assert found.contains == ("chance",)
             assert set(found.lacks) == {"cells", "rock"}

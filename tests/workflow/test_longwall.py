@@ -133,8 +133,9 @@ FACES = """local_date,headgate_x,headgate_y,tailgate_x,tailgate_y,panel
         ({"floor": "900 m"}, "excavations_from: panel_1_2010-01-01: lies, as all others do, outside the domain"),
     ],
 )
-def test_a_mistake_is_told_once_under_the_key_that_was_written(refuse, tmp_path, values, line):
+def test_a_mistake_is_told_once_under_the_key_that_was_written(refuse, tmp_path, monkeypatch, values, line):
     """Not for each of the prisms, of which the file has none."""
+    monkeypatch.delenv("ELK_CREEK_DATA", raising=False)
     data = tmp_path / "data"
     (data / "ims_events").mkdir(parents=True)
     (data / "ims_events/a.parquet").touch()

@@ -44,10 +44,11 @@ def await_(condition):
 
 
 def stage_of(snakemake: psutil.Process, name: str) -> psutil.Process | None:
-    """The child of Snakemake that runs this stage."""
+    """The child of Snakemake that runs this stage, once the shell has become it."""
     for child in snakemake.children(recursive=True):
         try:
-            if any(f"/jobs/{name}" in word for word in child.cmdline()):
+            words = child.cmdline()
+            if "workflow" in words and any(f"/jobs/{name}" in word for word in words):
                 return child
         except psutil.Error:  # it ended in between
             continue
