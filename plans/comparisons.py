@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from plans.differences import NUMBER, POTENCY, Difference, compare_plans, is_like_own, judged_difference
+from plans.differences import NUMBER, POTENCY, Difference, compare_plans, judged_difference
 from plans.differences import steps_with_other_runs as other_steps
 from plans.layout import ANY, PlanSummary
 from plans.record import RUNS
@@ -47,6 +47,7 @@ class Comparisons:
         self.first = self.plans[0]
         self._steps = {plan.name: differing_steps(plan, self.first) for plan in self.plans[1:]}
         self._whole: dict[tuple[str, str], Difference] = {}
+        self._chances: dict[tuple[str, float, str], Difference] = {}
 
     def steps(self, plan: PlanSummary) -> Steps:
         """Steps of a plan and of the first one whose runs differ."""
@@ -98,6 +99,13 @@ class Comparisons:
         where g is the geometric mean of the numbers of such events a year. R lies between 1 and rho. Its interval takes
         the g within the intervals of both chances that moves each end outward.
         """
+        key = plan.name, distance, size
+        if key not in self._chances:
+            self._chances[key] = self._ratio_of_chances(plan, distance, size)
+        return self._chances[key]
+
+    def _ratio_of_chances(self, plan: PlanSummary, distance: float, size: str) -> Difference:
+        """The ratio that `chance` describes."""
         pair = plan, self.first
         count = max(1, (len(self.plans) - 1) * plan.outcome.sizes["size"] * plan.outcome.sizes["distance"])
         if plan.counted == self.first.counted and not any(self.steps(plan)):
@@ -123,7 +131,7 @@ class Comparisons:
 def _yearly_numbers(plan: PlanSummary, distance: float) -> NDArray:
     """Events a year (run,) within a distance of any opening, in the steps that chances are of."""
     part = plan.outcome.sel(step=plan.counted, opening=ANY, distance=distance)
-    return part["number_within"].sum("step").values[is_like_own(plan.outcome)] / plan.days(plan.counted)
+    return part["number_within"].sum("step").values[plan.is_like_own] / plan.days(plan.counted)
 
 
 def _chance_interval(ratio: NDArray, number: NDArray) -> NDArray:

@@ -26,7 +26,7 @@ from scipy.stats import f, norm, t
 from catalogs.compare.grid_convergence import SAFETY_FACTOR
 from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from common.errors import InputError
-from plans.layout import ANY, COARSE, DRAW, LIKE_OWN, OWN
+from plans.layout import ANY, COARSE, DRAW, OWN, PlanSummary
 from plans.record import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
 
 NUMBER, POTENCY = "number", "potency"
@@ -120,7 +120,7 @@ def compare_plans(
 
 def _sums(outcome: xr.Dataset, quantity: str, opening: str) -> NDArray:
     """Sums of a quantity over steps, of the plan's own run and its members (run,), near one opening or all."""
-    return outcome[quantity].sel(opening=opening).sum("step").values[is_like_own(outcome)]
+    return outcome[quantity].sel(opening=opening).sum("step").values[PlanSummary(outcome).is_like_own]
 
 
 def steps_of_both(
@@ -141,11 +141,6 @@ def are_same_runs(both: Sequence[xr.Dataset]) -> bool:
     """True if the runs of two outcomes are the same in all of their steps."""
     digests = [tuple(one["made_by"].values) for one in both]
     return digests[0] == digests[1] and all(digests[0])
-
-
-def is_like_own(outcome: xr.Dataset) -> NDArray:
-    """Mask (run,) of the plan's own run and its members."""
-    return np.isin(outcome["run_kind"].values, LIKE_OWN)
 
 
 def judged_difference(

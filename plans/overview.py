@@ -5,6 +5,7 @@ Number and potency are those that the runs make. Chances and forecasts are multi
 """
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from catalogs.report.text import DASH, between, number, percent, plural, typeset
 from plans.comparisons import Comparisons
 from plans.differences import MIN_RUNS, POTENCY
 from plans.layout import ANY, PlanSummary
-from plans.sentences import chance_with_interval, count, listed_names, ratio_text, step_range
+from plans.sentences import chance_with_interval, count, frequency_text, listed_names, ratio_text, step_range
 from plans.settings import HazardSettings
 
 
@@ -50,7 +51,7 @@ def record_sentence(plan: PlanSummary) -> str:
     low, middle, high = np.atleast_1d(plan.outcome.attrs["record_factor"])
     if not np.isfinite(middle):
         return ""
-    said = f"{number(middle, 2)} ({between((low, high), number)})"
+    said = f"{number(middle, 2)} ({between((low, high), partial(number, digits=2))})"
     return (
         f"For each event that the runs make in {step_range(plan.counted)}, {said} events are expected to be recorded, "
         "as in the steps with a record. Chances and forecasts contain this factor. What the runs make does not."
@@ -69,6 +70,7 @@ def _row(plan: PlanSummary, comparisons: Comparisons, settings: HazardSettings, 
         "compared": DASH,
         "differs": False,
         "chance": "",
+        "chance_basis": "",
         **worst(plan),
     }
     if plan is not comparisons.first and all(comparisons.steps(plan)):
@@ -80,6 +82,24 @@ def _row(plan: PlanSummary, comparisons: Comparisons, settings: HazardSettings, 
     if has_chance:
         distance, size = settings.distances[0], list(settings.sizes)[-1]
         chance, interval = plan.chance(ANY, distance, size)
-        likelihood = settings.likelihood(comparisons.class_chance(plan, distance, size)) if np.isfinite(chance) else ""
-        row["chance"] = ", ".join(filter(None, [chance_with_interval(chance, interval), likelihood]))
+        parts = [chance_with_interval(chance, interval)]
+        if np.isfinite(chance):
+            parts += [
+                frequency_text(chance, plan.yearly_number(ANY, distance, size)),
+                settings.likelihood(comparisons.class_chance(plan, distance, size)),
+            ]
+            row["chance_basis"] = (
+                f"at the rate of {step_range(plan.counted)}{_chance_ratio(plan, comparisons, distance, size)}"
+            )
+        row["chance"] = ", ".join(filter(None, parts))
     return row
+
+
+def _chance_ratio(plan: PlanSummary, comparisons: Comparisons, distance: float, size: str) -> str:
+    """The ratio of a plan's chance to that of the first plan, with its verdict, to be appended; empty for the first."""
+    if plan is comparisons.first:
+        return ""
+    ratio = comparisons.chance(plan, distance, size)
+    if ratio.is_shared or ratio.is_empty:
+        return ""
+    return f"; {ratio_text(ratio)} times that of {comparisons.first.name}: {ratio.verdict}"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from catalogs.report.text import DASH, between, fixed, number, plural, typeset, whole
 from plans.comparisons import Comparisons
 from plans.differences import MIN_RUNS, NUMBER, POTENCY, Difference
-from plans.layout import ANY, COARSE, DRAW, PlanSummary
+from plans.layout import COARSE, DRAW, PlanSummary
 from plans.record import CELLS, CHANCE, LAW, RECORD, ROCK, RUNS
 from plans.settings import HazardSettings
 
@@ -101,16 +101,15 @@ def frequency_text(chance: float, number_a_year: float) -> str:
     return f"about {number(number_a_year, 2)} a year" if chance > LARGEST_CHANCE else ""
 
 
-def verdict(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
-    """The first sentences of the page: differences, and chances of large events."""
-    comparisons = Comparisons(plans)
+def verdict(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
+    """The first sentences of the page: how the plans differ, and whether chances of large events are known."""
     first = comparisons.first
     means = first.means(first.steps)
-    lines = [_comparison(plan, comparisons) for plan in plans[1:]] or [
+    lines = [_comparison(plan, comparisons) for plan in comparisons.plans[1:]] or [
         f"{first.name} makes {count(means.number)} events in {step_range(first.steps)}: {number(means.potency)} m³ of "
         "potency."
     ]
-    return [*lines, *_chances(comparisons, settings)]
+    return [*lines, *_without_chances(comparisons, settings)]
 
 
 def _comparison(plan: PlanSummary, comparisons: Comparisons) -> str:
@@ -164,48 +163,19 @@ def _interval(difference: Difference) -> str:
     return f" (95 % interval {ends})" if np.isfinite(difference.interval).any() else ""
 
 
-def _chances(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
-    """Chance of an event of the largest class near an opening, plan by plan, and its ratio to that of the first."""
+def _without_chances(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
+    """State that there are too few events for a chance. Of too few runs, and of classes that are too small, `missing`
+    says so."""
     plans = comparisons.plans
-    if not settings.sizes or any(plan.runs < MIN_RUNS for plan in plans):
-        return []  # of too few runs `missing` says so
-    size, magnitude = list(settings.sizes.items())[-1]
-    distance = settings.distances[0]
-    chances = []
-    for plan in plans:
-        chance, interval = plan.chance(ANY, distance, size)
-        if np.isfinite(chance):
-            parts = [
-                f"{plan.name} {chance_with_interval(chance, interval)}",
-                frequency_text(chance, plan.yearly_number(ANY, distance, size)),
-                settings.likelihood(comparisons.class_chance(plan, distance, size)),
-                _chance_ratio(plan, comparisons, distance, size),
-            ]
-            chances.append(f"{', '.join(filter(None, parts))} (at the rate of {step_range(plan.counted)})")
-    if not chances and any(plan.outcome.attrs["law_source"] != "none" for plan in plans):
-        return []  # the class lies below the floor, of which `missing` says so
-    if not chances:
-        return ["There are too few events to say how likely large ones are."]
-    return [
-        f"Chance per year of an event that is {size} ({typeset(f'Mw {magnitude:g}')} or more) within {distance:g} m of "
-        "an opening: " + "; ".join(chances) + "."
-    ]
+    if not settings.sizes or any(plan.runs < MIN_RUNS or plan.outcome.attrs["law_source"] != "none" for plan in plans):
+        return []
+    return ["There are too few events to say how likely large ones are."]
 
 
-def _chance_ratio(plan: PlanSummary, comparisons: Comparisons, distance: float, size: str) -> str:
-    """The ratio of a plan's chance to that of the first plan, with its verdict; empty for the first."""
-    if plan is comparisons.first:
-        return ""
-    ratio = comparisons.chance(plan, distance, size)
-    if ratio.is_shared or ratio.is_empty:
-        return ""
-    return f"{_ratio(ratio)} that of {comparisons.first.name}{_interval(ratio)}: {_verdict(ratio)}"
-
-
-def interval_contents(plans: Sequence[PlanSummary]) -> str:
+def interval_contents(comparisons: Comparisons) -> str:
     """State the uncertainties that intervals of ratios and of chances contain, in a sentence each."""
-    ratios = [set(one.contains) for one in Comparisons(plans).every() if CHANCE in one.contains]
-    chances = [set(json.loads(plan.outcome.attrs["contains"])) for plan in plans if plan.runs >= MIN_RUNS]
+    ratios = [set(one.contains) for one in comparisons.every() if CHANCE in one.contains]
+    chances = [set(json.loads(plan.outcome.attrs["contains"])) for plan in comparisons.plans if plan.runs >= MIN_RUNS]
     lines = []
     for what, held in (("ratios", ratios), ("chances", chances)):
         words = [word for name, word in IN_WORDS.items() if held and name in set.intersection(*held)]
@@ -218,8 +188,9 @@ def _listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]:
+def missing(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
     """State the uncertainties that intervals lack, and the key of the mine file that adds each."""
+    plans = comparisons.plans
     lines = []
     if (runs := min(plan.runs for plan in plans)) < MIN_RUNS:
         lines.append(
@@ -231,7 +202,7 @@ def missing(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[str]
             "Intervals do not contain what the cells change, since a plan has no run on cells of twice the size "
             "(grid_convergence)."
         )
-    elif any(CELLS in one.lacks for one in Comparisons(plans).every()):
+    elif any(CELLS in one.lacks for one in comparisons.every()):
         lines.append(
             "Intervals of ratios do not contain what the cells change, since a plan makes nothing on cells of twice "
             "the size that could be compared."

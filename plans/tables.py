@@ -45,10 +45,10 @@ def mean_cells(plan: PlanSummary, means: RunMeans) -> dict[str, str]:
     }
 
 
-def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
+def plan_rows(comparisons: Comparisons) -> list[dict]:
     """One row for each plan: all of its steps, and its ratios to the first plan in the steps that differ."""
-    rows, comparisons = [], Comparisons(plans)
-    for plan in plans:
+    rows = []
+    for plan in comparisons.plans:
         means, mined = plan.means(plan.steps), plan.mined(plan.steps)
         row: dict[str, object] = {
             "plan": plan.name,
@@ -60,7 +60,7 @@ def plan_rows(plans: Sequence[PlanSummary]) -> list[dict]:
             **mean_cells(plan, means),
         }
         row |= {"number_ratio": DASH, **NOT_COMPARED}
-        if plan is plans[0]:
+        if plan is comparisons.first:
             rows.append(row)
             continue
         steps = comparisons.steps(plan)
@@ -85,13 +85,14 @@ def _comparison_cells(
     return {"potency_ratio": ratio_text(part.difference), "verdict": part.verdict, "differs": part.differs}
 
 
-def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[dict]:
+def step_rows(comparisons: Comparisons, settings: HazardSettings) -> list[dict]:
     """One row for each step of each plan; steps of one name follow each other, in order of time.
 
     The chance is that of the largest class within the smallest distance of any opening, while the step lasts.
     """
+    plans = comparisons.plans
     start = {step: plan.dates(step)[0] for plan in plans for step in plan.steps}
-    rows, comparisons = [], Comparisons(plans)
+    rows = []
     sizes = list(settings.sizes)
     for step in sorted(start, key=lambda one: start[one]):
         mining = [plan for plan in plans if step in plan.steps]
@@ -117,14 +118,15 @@ def step_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list[di
     return rows
 
 
-def opening_rows(plans: Sequence[PlanSummary]) -> list[dict]:
+def opening_rows(comparisons: Comparisons) -> list[dict]:
     """One row for each opening and plan, over all steps; of many openings those with most potency."""
+    plans = comparisons.plans
     potency: dict[str, float] = {}
     for plan in plans:
         for opening in plan.openings:
             potency[opening] = max(potency.get(opening, 0.0), plan.means(plan.steps, opening).potency)
     shown = sorted((one for one in potency if potency[one] > 0.0), key=lambda one: -potency[one])[:MAX_OPENINGS]
-    rows, comparisons = [], Comparisons(plans)
+    rows = []
     for opening in (one for one in potency if one in shown):
         mining = [plan for plan in plans if opening in plan.openings]
         for place, plan in enumerate(mining):
@@ -142,13 +144,12 @@ def opening_rows(plans: Sequence[PlanSummary]) -> list[dict]:
     return rows
 
 
-def matrix(plan: PlanSummary, settings: HazardSettings, comparisons: Comparisons | None = None) -> list[dict]:
+def matrix(plan: PlanSummary, settings: HazardSettings, comparisons: Comparisons) -> list[dict]:
     """Rows of a plan's risk matrix: classes of size, the largest first; each has a cell for every distance.
 
-    comparisons: of the plan with others; without it the plan stands alone. `ratio` of a cell: the chance per year over
-    that of the first plan. Plans that are not told apart share a class.
+    `ratio` of a cell: the chance per year over that of the first plan. Plans that are not told apart share a class.
     """
-    rows, comparisons = [], comparisons or Comparisons([plan])
+    rows = []
     for size, magnitude in reversed(settings.sizes.items()):
         cells = []
         for distance in settings.distances:

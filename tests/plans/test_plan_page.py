@@ -19,6 +19,7 @@ from plan_fixtures import (
 )
 from plan_fixtures import outcome_slice as slice_of
 
+from catalogs.report.text import DOWN, UP, number
 from catalogs.settings import DatedStep
 from common.errors import InputError
 from plans.comparisons import Comparisons
@@ -66,7 +67,7 @@ def plans(tmp_path_factory):
 
 
 def test_the_first_sentences_compare_each_plan_with_the_first(plans):
-    said = verdict(plans, SETTINGS.hazard)
+    said = verdict(Comparisons(plans), SETTINGS.hazard)
     assert re.match(
         r"other_order releases [\d.]+ times the potency of mine_file \(95 % interval [\d.]+ to [\d.]+\): ", said[0]
     )
@@ -78,30 +79,32 @@ def test_the_first_sentences_compare_each_plan_with_the_first(plans):
         r"potency to [\d.]+ events and [\d.]+ m³ of the steps before\.",
         said[1],
     )
-    assert said[2].startswith(
-        "Chance per year of an event that is damaging (Mw 0.6 or more) within 10 m of an opening: "
-    )
-    assert "(at the rate of 2019-10)" in said[2]
-    assert verdict(plans[:1], SETTINGS.hazard)[0].startswith("mine_file makes ")
+    assert len(said) == 2  # the table beside them has the chances
+    assert verdict(Comparisons(plans[:1]), SETTINGS.hazard)[0].startswith("mine_file makes ")
 
 
 def test_the_first_screen_agrees_with_the_tables_below_it(plans):
     """Number, potency and volume of each plan, its chance, and the factor that the record has beside the runs."""
     shown = overview(Comparisons(plans), SETTINGS.hazard, {"longer": "One month more"})
     assert [row["title"] for row in shown["rows"]] == ["", "", "One month more"]
-    for row, table, plan in zip(shown["rows"], plan_rows(plans), plans, strict=True):
+    for row, table, plan in zip(shown["rows"], plan_rows(Comparisons(plans)), plans, strict=True):
         assert (row["number"], row["potency"]) == (table["number"], table["potency"])
         assert row["mined"].startswith(f"{table['mined']} m³ in ")
         assert row["chance"].startswith(matrix(plan, SETTINGS.hazard, Comparisons(plans))[0]["cells"][0]["yearly"])
         by_opening = {name: plan.means(plan.steps, name).potency for name in plan.openings}
         assert row["where"].split(" (")[0] == max(by_opening, key=lambda name: by_opening[name])
     assert shown["chance"] == "chance per year: damaging (Mw 0.6 or more) within 10 m"
+    bases = [row["chance_basis"] for row in shown["rows"]]
+    assert bases[0] == "at the rate of 2019-08 and 2019-09"
+    verdicts = r"\d\.\d+ \([\d.]+ to [\d.]+\) times that of mine_file: (larger than|difference within) chance.*"
+    assert re.fullmatch(rf"at the rate of 2019-10; {verdicts}", bases[2])
     assert [row["compared"].split(":")[-1].strip() for row in shown["rows"]][::2] == ["–", "the same, and 2019-10"]
     low, middle, high = plans[0].outcome.attrs["record_factor"]
     assert low < middle < high
-    said = re.search(r"in 2019-08 and 2019-09, ([\d.]+) \(", shown["record"])
+    said = re.search(r"in 2019-08 and 2019-09, ([\d.]+) \(([\d.]+) to ([\d.]+)\) events", shown["record"])
     assert said is not None
     assert float(said[1]) == pytest.approx(middle, rel=0.05)
+    assert (said[2], said[3]) == (number(low, 2, DOWN), number(high, 2, UP))
 
 
 def test_the_first_screen_states_no_chance_of_few_runs_and_no_factor_without_a_record(tmp_path):
@@ -113,21 +116,26 @@ def test_the_first_screen_states_no_chance_of_few_runs_and_no_factor_without_a_r
 
 
 def test_a_plan_with_the_same_runs_is_said_to_be_the_same(plans):
-    assert verdict([plans[0], plans[0]], SETTINGS.hazard)[0] == "mine_file and mine_file are the same runs."
+    assert (
+        verdict(Comparisons([plans[0], plans[0]]), SETTINGS.hazard)[0] == "mine_file and mine_file are the same runs."
+    )
 
 
 def test_what_is_missing_names_its_key(plans, tmp_path):
-    assert [key for one in missing(plans, SETTINGS.hazard) for key in ("hazard.runs", "hazard.rock") if key in one] == [
-        "hazard.rock"
-    ]
-    assert interval_contents(plans) == (
+    assert [
+        key
+        for one in missing(Comparisons(plans), SETTINGS.hazard)
+        for key in ("hazard.runs", "hazard.rock")
+        if key in one
+    ] == ["hazard.rock"]
+    assert interval_contents(Comparisons(plans)) == (
         "Intervals of ratios contain chance and what the cells change. Intervals of chances contain chance, by how "
         "much the record differs from the model and what is not known of the law of sizes."
     )
     kinds = ["own", "member", "draw", "draw", "draw"]
     runs = [drawn_run(tmp_path / str(seed), kind, seed) for seed, kind in enumerate(kinds)]
     plain = make_outcome(slice_of(runs, hazard={}), GRID)
-    found = missing([PlanSummary(plain)], PlansReportSlice.of({"mine": MINE}).hazard)
+    found = missing(Comparisons([PlanSummary(plain)]), PlansReportSlice.of({"mine": MINE}).hazard)
     assert [one for one in found if "Each plan has 2 runs, too few to say" in one and "Set hazard.runs to 5" in one]
     assert [one for one in found if "grid_convergence" in one]
     assert [one for one in found if "hazard.magnitudes" in one]
@@ -135,7 +143,7 @@ def test_what_is_missing_names_its_key(plans, tmp_path):
 
 
 def test_tables_hold_the_numbers_of_the_outcomes(plans):
-    rows = plan_rows(plans)
+    rows = plan_rows(Comparisons(plans))
     assert [row["plan"] for row in rows] == ["mine_file", "other_order", "longer"]
     assert rows[0]["potency_ratio"] == "–"
     assert rows[1]["number_ratio"] != "–"
@@ -145,7 +153,7 @@ def test_tables_hold_the_numbers_of_the_outcomes(plans):
     assert float(rows[0]["number"]) == pytest.approx(float(mean), abs=0.051)
     assert rows[0]["mined"].replace("\u202f", "") == f"{2 * 12 * 20 * 30}"
 
-    steps = step_rows(plans, SETTINGS.hazard)
+    steps = step_rows(Comparisons(plans), SETTINGS.hazard)
     assert [(row["step"], row["plan"]) for row in steps] == [
         ("2019-08", "mine_file"), ("", "other_order"), ("", "longer"),
         ("2019-09", "mine_file"), ("", "other_order"), ("", "longer"),
@@ -154,8 +162,8 @@ def test_tables_hold_the_numbers_of_the_outcomes(plans):
     assert [row["mines"] for row in steps[:3]] == ["stope_1", "stope_2", "stope_1"]
     assert steps[2]["potency_ratio"] == "the same runs"
     assert all(re.match(r"(up to |more than )?[\d.]+ %", row["chance"]) for row in steps)
-    assert {row["chance"] for row in step_rows(plans, PlansReportSlice.of({"mine": MINE}).hazard)} == {""}
-    openings = opening_rows(plans)
+    assert {row["chance"] for row in step_rows(Comparisons(plans), PlansReportSlice.of({"mine": MINE}).hazard)} == {""}
+    openings = opening_rows(Comparisons(plans))
     assert {(row["plan"], row["step"]) for row in openings if row["plan"] == "other_order"} <= {
         ("other_order", "2019-08"), ("other_order", "2019-09"), ("other_order", "before"),
     }  # fmt: skip
@@ -163,7 +171,7 @@ def test_tables_hold_the_numbers_of_the_outcomes(plans):
 
 
 def test_the_risk_matrix_has_the_largest_class_first(plans):
-    rows = matrix(plans[0], SETTINGS.hazard)
+    rows = matrix(plans[0], SETTINGS.hazard, Comparisons(plans))
     assert [row["size"] for row in rows] == ["damaging", "felt"]
     chance, interval = plans[0].chance("any", 30.0, "damaging")
     assert rows[0]["cells"][1]["yearly"] == chance_with_interval(chance, interval)
@@ -218,12 +226,12 @@ def test_a_class_below_the_floor_has_no_chance_and_is_named(tmp_path):
     assert np.isnan(plan.chance("any", 10.0, "small")[0])
     assert np.isfinite(plan.chance("any", 10.0, "felt")[0])
     settings = PlansReportSlice.of({"mine": MINE, "hazard": hazard})
-    said = [one for one in missing([plan], settings.hazard) if "do not resolve" in one]
+    said = [one for one in missing(Comparisons([plan]), settings.hazard) if "do not resolve" in one]
     assert said == [
         "There is no chance of events that are small (Mw −0.8), since the runs do not resolve such small ones. The "
         "smallest magnitude with a chance is Mw −0.46."
     ]
-    assert matrix(plan, settings.hazard)[1]["cells"][0]["yearly"] == "–"
+    assert matrix(plan, settings.hazard, Comparisons([plan]))[1]["cells"][0]["yearly"] == "–"
     write_report([plan.outcome], GRID, settings, tmp_path / "report.html", tmp_path / "plans.csv")
 
 
@@ -240,8 +248,10 @@ def test_ratios_contain_the_cells_only_where_both_plans_make_something_on_double
         )
         runs = [*drawn_ensemble(tmp_path / f"{name}o", len(name)), coarse]
         found.append(PlanSummary(make_outcome(slice_of(runs, name), GRID)))
-    assert interval_contents(found).startswith("Intervals of ratios contain chance. ")
-    assert [one for one in missing(found, SETTINGS.hazard) if "makes nothing on cells of twice the size" in one]
+    assert interval_contents(Comparisons(found)).startswith("Intervals of ratios contain chance. ")
+    assert [
+        one for one in missing(Comparisons(found), SETTINGS.hazard) if "makes nothing on cells of twice the size" in one
+    ]
 
 
 def test_a_plan_against_one_that_makes_nothing(tmp_path):
@@ -254,13 +264,18 @@ def test_a_plan_against_one_that_makes_nothing(tmp_path):
             ("too", [empty_run(tmp_path / f"too{n}", kind) for n, kind in enumerate(["own", *["member"] * 4])]),
         )
     )
-    said = verdict([none, some], SETTINGS.hazard)[0]
+    said = verdict(Comparisons([none, some]), SETTINGS.hazard)[0]
     assert re.fullmatch(
         r"none makes nothing in 2019-08 and 2019-09; some makes [\d.]+ events, [\d.]+ m³ of potency, in 2019-08 and "
         r"2019-09: a difference larger than chance explains\.", said
     )  # fmt: skip
-    assert verdict([some, none], SETTINGS.hazard)[0].startswith("none releases 0 times the potency of some (95 % ")
-    assert verdict([none, too], SETTINGS.hazard)[0] == "Neither too nor none makes anything in the steps that differ."
+    assert verdict(Comparisons([some, none]), SETTINGS.hazard)[0].startswith(
+        "none releases 0 times the potency of some (95 % "
+    )
+    assert (
+        verdict(Comparisons([none, too]), SETTINGS.hazard)[0]
+        == "Neither too nor none makes anything in the steps that differ."
+    )
 
 
 @pytest.mark.parametrize("runs", [1, 4])
@@ -270,16 +285,18 @@ def test_plans_of_too_few_runs_get_no_verdict_no_interval_and_no_chance(tmp_path
         PlanSummary(make_outcome(slice_of(drawn_ensemble(tmp_path / name, seed, numbers)[:runs], name), GRID))
         for name, seed, numbers in (("less", 1, (40, 30)), ("more", 2, (120, 90)))
     ]
-    said = verdict(plans, SETTINGS.hazard)
+    said = verdict(Comparisons(plans), SETTINGS.hazard)
     assert re.search(r"It makes [\d.]+ times the events: too few runs to say, since a difference needs 5 runs", said[0])
     assert not [one for one in said if "Chance per year" in one]
     assert np.isnan(plans[0].chance("any", 10.0, "felt")[0])
-    assert re.fullmatch(r"[\d.]+", plan_rows(plans)[1]["number_ratio"])
-    assert {row["verdict"] for row in [*step_rows(plans, SETTINGS.hazard), *opening_rows(plans)]} == {
+    assert re.fullmatch(r"[\d.]+", plan_rows(Comparisons(plans))[1]["number_ratio"])
+    assert {
+        row["verdict"] for row in [*step_rows(Comparisons(plans), SETTINGS.hazard), *opening_rows(Comparisons(plans))]
+    } == {
         "",
         "too few runs to say",
     }
-    assert [one for one in missing(plans, SETTINGS.hazard) if "Set hazard.runs to 5 or more" in one]
+    assert [one for one in missing(Comparisons(plans), SETTINGS.hazard) if "Set hazard.runs to 5 or more" in one]
 
 
 def test_plans_that_are_not_told_apart_share_a_class(tmp_path):
@@ -307,18 +324,28 @@ def test_parts_are_judged_only_where_whole_plans_differ(tmp_path):
             PlanSummary(make_outcome(slice_of(drawn_ensemble(tmp_path / f"{name}{seed}", seed + more), name), GRID))
             for name, more in (("one", 1), ("other", 50))
         ]
-        rows = [*plan_rows(plans), *step_rows(plans, SETTINGS.hazard), *opening_rows(plans)]
+        rows = [
+            *plan_rows(Comparisons(plans)),
+            *step_rows(Comparisons(plans), SETTINGS.hazard),
+            *opening_rows(Comparisons(plans)),
+        ]
         said.append(any(row["differs"] for row in rows))
     assert np.mean(said) <= 0.05 + 3.0 * np.sqrt(0.05 * 0.95 / 20)
     assert "not judged by itself" in {row["verdict"] for row in rows}
     more = PlanSummary(make_outcome(slice_of(drawn_ensemble(tmp_path / "more", 99, (400, 250)), "more"), GRID))
-    assert all(row["differs"] for row in step_rows([plans[0], more], SETTINGS.hazard) if row["plan"] == "more")
+    assert all(
+        row["differs"] for row in step_rows(Comparisons([plans[0], more]), SETTINGS.hazard) if row["plan"] == "more"
+    )
 
 
 def test_a_plan_that_differs_in_more_than_its_sequence_is_said_to(tmp_path):
     run = drawn_run(tmp_path, "own", 1)
     plan = PlanSummary(make_outcome(slice_of([run], "other_rock", differs_in=["grid", "materials"]), GRID))
-    said = [one for one in missing([plan], SETTINGS.hazard) if one.startswith("other_rock is a mine file of its own")]
+    said = [
+        one
+        for one in missing(Comparisons([plan]), SETTINGS.hazard)
+        if one.startswith("other_rock is a mine file of its own")
+    ]
     assert "differs from the mine file in grid and materials, too" in said[0]
     one_event = make_outcome(slice_of([drawn_run(tmp_path / "few", "own", 1, numbers=(0.0, 0.0))], hazard=HAZARD), GRID)
     one_event.attrs["law_events"] = 1
