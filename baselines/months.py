@@ -223,15 +223,15 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
         has_face = np.isfinite(face.at(record.time).ahead).all(axis=1)
         record = Places(record.time[has_face], record.place[has_face], record.potency[has_face])
     amounts = [_amount(face, start, end) for start, end in zip(periods.start, periods.end, strict=True)]
-    inside = [record.between(start, end) for start, end in zip(periods.start, periods.end, strict=True)]
-    numbers = np.array([len(one.time) for one in inside])
-    clusters = cluster_labels(record.time, record.place, Exposure(periods.start, periods.end).step(record.time))
+    period = Exposure(periods.start, periods.end).step(record.time)
+    numbers = np.array([np.count_nonzero(period == one) for one in range(len(amounts))])
+    clusters = cluster_labels(record.time, record.place, period)
     rows = []
     for step in range(len(periods.start) - periods.before):
         own = periods.before + step
-        known = Exposure(periods.start[: own + 1], periods.end[: own + 1])
-        counted = known.step(record.time) >= 0
+        counted = (period >= 0) & (period <= own)
         sizes = np.unique(coarser_clusters(clusters[counted], record.time[counted]), return_counts=True)[1]
+        known = Exposure(periods.start[: own + 1], periods.end[: own + 1])
         dispersion = known.dispersion_index(record.time, clusters)
         dispersion = dispersion if effective_blocks(sizes) >= MIN_CLUSTERS else np.nan
 
@@ -247,7 +247,7 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
                 for measure in MEASURES
             }
 
-        potency = float(inside[own].potency.sum())
+        potency = float(record.potency[period == own].sum())
         rows.append(StepRates(amounts[own], int(numbers[own]), potency, rates(0), rates(max(own - 1, 0))))
     return rows
 
