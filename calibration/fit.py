@@ -16,7 +16,8 @@ from calibration.recorded import RecordedOutputs, clustered_numbers
 from calibration.surrogate import Surrogate
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, CellCorrection, Outputs
 
-SHARES = np.array([0.05, 0.5, 0.95])  # Of the intervals that the report states.
+INTERVAL_SHARE = 0.9  # Of the posterior, in the intervals of quantities that the report states.
+SHARES = np.array([0.05, 0.5, 0.95])  # Of the intervals of predictions.
 SELF_TEST_POINTS = 2**11  # Sobol points of the self-test: fewer than of the record's fit, as each trial has its own.
 
 
@@ -184,9 +185,9 @@ def calibrate_to_trials(
         likelihood = replace(fit.likelihood, recorded=record, correction=uncorrected)
         tested = fit_likelihood(surrogate, likelihood, rows.points.shape[1], seed + int(trial), SELF_TEST_POINTS)
         posterior = tested.posterior
-        low, _, high = posterior.quantiles(SHARES)
+        low, _, high = posterior.intervals(INTERVAL_SHARE)
         held.append((low <= rows.points[row]) & (rows.points[row] <= high))
-        widths.append(posterior.width_left())
+        widths.append(posterior.width_left(INTERVAL_SHARE))
         posteriors.append(posterior)
     return SelfTest(np.array(held), np.array(widths), tuple(posteriors))
 

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from calibration.figures import draw_pairs, draw_predictions, draw_surrogate
-from calibration.fit import SHARES, Fit, Rows, SelfTest
+from calibration.fit import INTERVAL_SHARE, Fit, Rows, SelfTest
 from calibration.likelihood import MAX_IMPLAUSIBILITY
 from calibration.limits import BeyondRange, SizeLaw
 from calibration.settings import CalibratedQuantity
@@ -186,7 +186,7 @@ def write_page(
 
 def quantity_rows(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[dict]:
     """Median, interval and width left of each quantity."""
-    low, middle, high = fit.posterior.quantiles(SHARES)
+    low, middle, high = fit.posterior.intervals(INTERVAL_SHARE)
     rows = []
     for number, (quantity, left) in enumerate(zip(quantities, fit.posterior.width_left(), strict=True)):
         unit = f" {quantity.unit}" if quantity.unit else ""

@@ -13,6 +13,7 @@ MIN_EFFECTIVE_POINTS = 400.0  # Points whose weights are worth fewer equal ones 
 MAX_ROUNDS = 15
 PRIOR_SHARE = 0.1  # Of the points of a round, drawn from the prior: no part of it is left out, no weight is unbounded.
 FREEDOM = 4.0  # Degrees of freedom of the Student t distribution of all others.
+STARTS = np.linspace(0.0, 1.0, 501)  # Of the intervals among which the shortest is looked for.
 MIN_VARIANCE = 1e-8  # Of a quantity over its range: where one point has all the weight.
 
 
@@ -46,15 +47,25 @@ class Posterior:
         """Quantiles (share, column) of the points, or of other values (point, column) of theirs."""
         return weighted_quantiles(self.points if values is None else values, self.weights, shares)
 
+    def intervals(self, share: float, values: NDArray | None = None) -> NDArray:
+        """Lower end, median and upper end (3, column) of the shortest intervals with a share of the posterior.
+
+        values (point, column): others than the points themselves. Intervals of points may touch the ends of the range.
+        """
+        ends = None if values is not None else (0.0, 1.0)
+        values = self.points if values is None else values
+        lower, upper = shortest_intervals(values, self.weights, share, ends)
+        return np.stack([lower, weighted_quantiles(values, self.weights, np.array([0.5]))[0], upper])
+
     def draws(self, count: int, seed: int) -> NDArray:
         """Points (draw, quantity) drawn at random by their weights."""
         index = np.random.default_rng(seed).choice(len(self.points), count, p=self.weights)
         return self.points[index]
 
-    def width_left(self, shares: tuple[float, float] = (0.05, 0.95)) -> NDArray:
-        """Width of the interval between two shares over that of the prior, (quantity,)."""
-        low, high = self.quantiles(np.array(shares))
-        return (high - low) / (shares[1] - shares[0])
+    def width_left(self, share: float = 0.9) -> NDArray:
+        """Width of the interval with this share over that of the prior, (quantity,)."""
+        low, _, high = self.intervals(share)
+        return (high - low) / share
 
 
 def find_posterior(
@@ -113,3 +124,25 @@ def weighted_quantiles(values: NDArray, weights: NDArray, shares: NDArray) -> ND
         cumulative = np.cumsum(weights[order])
         quantiles[:, column] = np.interp(shares, cumulative - 0.5 * weights[order], value[order])
     return quantiles
+
+
+def shortest_intervals(
+    values: NDArray, weights: NDArray, share: float, ends: tuple[float, float] | None = None
+) -> NDArray:
+    """Shortest intervals (2, column) with a share of values (point, column) of these weights (point,).
+
+    Of a density with one peak they are those of highest density (Chen and Shao 1999). Where it does not fall towards an
+    end of what is possible, the interval reaches that end, which equal tails never do. ends: least and largest value
+    possible, those of each column if not given.
+    """
+    found = np.empty((2, values.shape[1]))
+    starts = (1.0 - share) * STARTS
+    for column, value in enumerate(values.T):
+        order = np.argsort(value)
+        low, high = ends or (value[order[0]], value[order[-1]])
+        below = np.concatenate([[0.0], np.cumsum(weights[order]) - 0.5 * weights[order], [1.0]])
+        at = np.concatenate([[low], value[order], [high]])
+        lower, upper = np.interp(starts, below, at), np.interp(starts + share, below, at)
+        best = np.argmin(upper - lower)
+        found[:, column] = lower[best], upper[best]
+    return found

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.fit import SHARES, Fit, Rows, SelfTest, calibrate, calibrate_to_trials
+from calibration.fit import INTERVAL_SHARE, Fit, Rows, SelfTest, calibrate, calibrate_to_trials
 from calibration.limits import beyond_range, compare_b
 from calibration.mine_files import write_mine
 from calibration.page import Tests, Trials, write_page, write_table
@@ -196,7 +196,7 @@ def fit_stage(
     )
     write_table(table, fit, calibration.rows, listed, settings.quantities, steps)
     draws = fit.posterior.draws(given["draws"], settings.seed)
-    values = {"middle": fit.posterior.quantiles(SHARES)[1]}
+    values = {"middle": fit.posterior.intervals(INTERVAL_SHARE)[1]}
     values |= {f"draw_{number}": draw for number, draw in enumerate(draws, start=1)}
     for name, shares in values.items():
         file = output.parent / f"{name}.yaml"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.fit import SHARES, Fit
-from calibration.posterior import weighted_quantiles
+from calibration.fit import INTERVAL_SHARE, Fit
+from calibration.posterior import shortest_intervals
 from calibration.settings import STRENGTH, CalibratedQuantity, friction_key, strength_under
 from calibration.trials import NUMBER, POTENCY, SIZES
 from common.quantities import parse_quantity
@@ -74,7 +74,7 @@ def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
         prior = np.random.default_rng(0).uniform(size=(PRIOR_POINTS, len(quantities)))
         before = _intervals(prior, np.full(PRIOR_POINTS, 1.0 / PRIOR_POINTS), quantities, pair)
         after = _intervals(fit.posterior.points, fit.posterior.weights, quantities, pair)
-        width = (after[2] - after[0]) / (before[2] - before[0])
+        width = (after[1] - after[0]) / (before[1] - before[0])
         best = int(width.argmin())
         known.append(
             KnownStrength(
@@ -82,7 +82,7 @@ def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
                 match["material"],
                 match["state"],
                 float(CONFINEMENTS[best]),
-                *after[[0, 2], best],
+                *after[:, best],
                 float(width[best]),
             )
         )
@@ -92,8 +92,8 @@ def best_known_strengths(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> 
 def _intervals(
     points: NDArray, weights: NDArray, quantities: Sequence[CalibratedQuantity], pair: tuple[int, int]
 ) -> NDArray:
-    """Quantiles at SHARES (share, confinement) of the strength, MPa, at CONFINEMENTS."""
-    return weighted_quantiles(strengths(points, quantities, pair), weights, SHARES)
+    """Lower and upper end (2, confinement) of the interval of the strength, MPa, at CONFINEMENTS."""
+    return shortest_intervals(strengths(points, quantities, pair), weights, INTERVAL_SHARE)
 
 
 def strengths(points: NDArray, quantities: Sequence[CalibratedQuantity], pair: tuple[int, int]) -> NDArray:

@@ -21,6 +21,9 @@ MEAN_POTENCY = "mean potency"  # Potency over number: what potency says beside t
 MIN_DEVIATION = 1.0  # m, along each axis: places are never known better.
 BOX_MARGIN = 3.0  # Deviations by which the box of uniform events is larger than what events take up.
 AXES = 3
+MIN_EVENTS = 10  # Modelled events of a step whose density is compared with that of other runs.
+SAMPLES = 8  # Of the events of a run, over which its gain is averaged.
+SEED = 1  # Of these samples.
 MIN_PAIRS = 2  # Pairs of runs on two sizes of cells that a scatter needs.
 
 
@@ -172,12 +175,22 @@ def counted_events(events: xr.Dataset, steps: Sequence[str], cut: float) -> tupl
 
 
 def gains(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, places: Places) -> NDArray:
-    """Mean information gain of each catalogue at recorded places, nats, (run, step)."""
-    gain = np.zeros((len(catalogues), len(steps)))
-    for run, events in enumerate(catalogues):
-        location, step = counted_events(events, steps, cut)
-        for index in range(len(steps)):
-            gain[run, index] = places.gain(location[step == index], index)
+    """Mean information gain of each catalogue at recorded places, nats, (run, step).
+
+    The smoothed density of many events predicts places better than that of few of the same law, and would favour runs
+    with more events. So each step has one number of events for all runs, that of the run with fewest, or MIN_EVENTS:
+    the gain of a run with more is the mean over SAMPLES drawn from its events.
+    """
+    generator, gain = np.random.default_rng(SEED), np.zeros((len(catalogues), len(steps)))
+    counted = [counted_events(events, steps, cut) for events in catalogues]
+    for index in range(len(steps)):
+        by_run = [location[step == index] for location, step in counted]
+        common = max(MIN_EVENTS, min(len(location) for location in by_run))
+        for run, location in enumerate(by_run):
+            samples = [location]
+            if len(location) > common:
+                samples = [generator.choice(location, common, replace=False) for _ in range(SAMPLES)]
+            gain[run, index] = np.mean([places.gain(sample, index) for sample in samples])
     return gain
 
 

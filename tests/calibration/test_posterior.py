@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import norm, truncnorm
 
-from calibration.posterior import MIN_EFFECTIVE_POINTS, find_posterior, weighted_quantiles
+from calibration.posterior import (
+    MIN_EFFECTIVE_POINTS,
+    Posterior,
+    find_posterior,
+    shortest_intervals,
+    sobol_points,
+    weighted_quantiles,
+)
 
 
 def normal(mean, factor):
@@ -27,6 +34,42 @@ def test_quantiles_of_a_normal_density_within_the_cube(width):
     for quantity, centre in enumerate(mean):
         exact = truncnorm(-centre / width, (1 - centre) / width, centre, width).ppf(shares)
         np.testing.assert_allclose(found.quantiles(shares)[:, quantity], exact, atol=0.1 * width)
+
+
+@pytest.mark.parametrize(("mean", "width"), [(0.5, 0.1), (0.03, 0.05), (0.98, 0.2), (1.4, 0.3)])
+def test_an_interval_is_that_of_highest_density(mean, width):
+    """Of a normal density that the cube cuts: symmetric about a peak within, and up to the end that cuts it."""
+    cut = truncnorm(-mean / width, (1 - mean) / width, mean, width)
+    found = find_posterior(normal(np.array([mean, 0.5]), width * np.eye(2)), 2, seed=1)
+    low, middle, high = found.intervals(0.9)[:, 0]
+    exact = {0.5: cut.ppf([0.05, 0.95]), 0.03: [0.0, cut.ppf(0.9)]}.get(mean, [cut.ppf(0.1), 1.0])
+    np.testing.assert_allclose([low, high], exact, atol=0.1 * width)
+    np.testing.assert_allclose(middle, cut.median(), atol=0.05 * width)
+
+
+def test_intervals_hold_truths_near_an_end_as_often_as_elsewhere():
+    """Normal measurements of truths in the last tenth of a range, and of truths anywhere: 95 % intervals hold them."""
+    generator, points = np.random.default_rng(1), sobol_points(2**11, 1, 1)
+    for least in (0.0, 0.9):
+        truths = generator.uniform(least, 1.0, 1000)
+        held, held_by_tails = [], []
+        for truth in truths:
+            weights = norm.pdf(points[:, 0], truth + 0.15 * generator.standard_normal(), 0.15)
+            posterior = Posterior(points, weights / weights.sum(), 0.0)
+            low, _, high = posterior.intervals(0.95)[:, 0]
+            start, end = posterior.quantiles(np.array([0.025, 0.975]))[:, 0]
+            held.append(low <= truth <= high)
+            held_by_tails.append(start <= truth <= end)
+        assert 0.93 <= np.mean(held) <= 0.98
+    assert np.mean(held_by_tails) < 0.92
+
+
+def test_an_interval_of_values_without_known_ends_lies_within_them():
+    """An exponential density is highest at its start: the interval begins at the least value."""
+    values = -np.log1p(-sobol_points(2**12, 1, 2))
+    low, high = shortest_intervals(values, np.full(len(values), 1.0 / len(values)), 0.9)[:, 0]
+    assert low == values.min()
+    assert high == pytest.approx(np.log(10.0), rel=0.01)
 
 
 def test_a_narrow_ridge_across_the_cube_is_found_along_all_of_its_length():

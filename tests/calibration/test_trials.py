@@ -113,6 +113,21 @@ def test_places_near_recorded_ones_gain_most_in_their_own_step():
     assert 0.5 < (made.location - there).std() / (5.0 / np.sqrt(3)) < 1.5
 
 
+def test_runs_with_more_events_gain_no_more_at_places_of_the_same_law():
+    """All events of one normal law, sparse for the location error: a run of 160 gains what one of 20 does."""
+    generator = np.random.default_rng(1)
+    runs = [
+        located(20.0 * generator.standard_normal((count, 3)), ["one"] * count) for count in (20, 160) for _ in range(12)
+    ]
+    recorded = record(list(np.linspace(0.0, 20.0, 40)), [1.0] * 40)
+    recorded["location"] = (("event", "xyz"), 20.0 * generator.standard_normal((40, 3)))
+    recorded.attrs["location_error"] = 10.0
+    gain = gains(runs, STEPS, -1.0, read_places(recorded, EXPOSURE, -1.0, runs))[:, 0]
+    few, many = gain[:12], gain[12:]
+    error = np.sqrt(few.var(ddof=1) / len(few) + many.var(ddof=1) / len(many))
+    assert abs(many.mean() - few.mean()) < 2.5 * error
+
+
 def test_a_trial_with_several_extractions_is_so_many_catalogues():
     """In order, an empty one among them."""
     sets = [catalogue({"one": sizes}, floor=floor) for sizes, floor in (([1.0], 0.01), ([], 0.02), ([2.0, 3.0], 0.04))]

@@ -65,14 +65,14 @@ def found():
 
 def test_trials_as_records_are_covered_and_the_strength_is_what_is_known(found):
     """All claims hold; the strength near 6 MPa has the narrowest interval, and cohesion alone is hardly known."""
-    trials = np.arange(0, 40, 2)
+    trials = np.arange(40)
     rows = claims.self_test_claims(found, found.self_test(trials), trials)
     assert all(row.holds for row in rows), rows
     width = {row.quantity: float(row.measured) for row in rows if row.claim == "width left"}
     (strength,) = (name for name in width if "strength" in name)
     assert abs(float(strength.split()[-2]) - 6.0) < 2.5
     assert width[strength] < 0.5
-    assert width[f"{HOST}.cohesion.residual"] > 1.5 * width[strength]
+    assert width[f"{HOST}.cohesion.residual"] > 1.3 * width[strength]
 
 
 def test_the_figure_has_a_panel_for_each_quantity_from_what_json_holds(found):

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.fit import SHARES, Fit, SelfTest, fit_likelihood
+from calibration.fit import INTERVAL_SHARE, SHARES, Fit, SelfTest, fit_likelihood
 from calibration.likelihood import MAX_IMPLAUSIBILITY
-from calibration.posterior import Posterior
+from calibration.posterior import Posterior, shortest_intervals
 from calibration.stages import Calibration
 from calibration.tradeoffs import CONFINEMENTS, PRIOR_POINTS, best_known_strengths, strengths
 from calibration.trials import (
@@ -82,11 +82,12 @@ def strength_coverage(found: Calibration, tested: SelfTest, trials: NDArray) -> 
             for points in (true_at, prior_at, *(posterior.points for posterior in tested.posteriors))
         )
         bounds = [
-            posterior.quantiles(SHARES, strength[:, None])[:, 0]
+            posterior.intervals(INTERVAL_SHARE, strength[:, None])[:, 0]
             for posterior, strength in zip(tested.posteriors, sampled, strict=True)
         ]
         low, _, high = np.array(bounds).T
-        width = (high - low) / np.subtract(*np.quantile(prior, [0.95, 0.05]))
+        start, end = shortest_intervals(prior[:, None], np.full(len(prior), 1.0 / len(prior)), INTERVAL_SHARE)[:, 0]
+        width = (high - low) / (end - start)
         name = f"{known.material}: {known.state} strength under {known.confinement:.1f} MPa"
         result.append((name, (low <= true) & (true <= high), width))
     return result
@@ -103,7 +104,8 @@ def twin_claims(found: Calibration, record: str, truth: Sequence[float], fit: Fi
     wanted_flag: the record should be called implausible; then what the intervals hold is reported only.
     """
     rows = []
-    for quantity, true, ends in zip(found.settings.quantities, truth, fit.posterior.quantiles(SHARES).T, strict=True):
+    intervals = fit.posterior.intervals(INTERVAL_SHARE).T
+    for quantity, true, ends in zip(found.settings.quantities, truth, intervals, strict=True):
         low, middle, high = map(quantity.value, ends)
         wanted = "" if wanted_flag else f"{quantity.value(true):.4g} inside"
         text = f"{low:.4g} to {high:.4g}, median {middle:.4g}"

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from calibration.figures import axis_label, label_log_axis
-from calibration.fit import SHARES, SelfTest
+from calibration.fit import INTERVAL_SHARE, SelfTest
 from calibration.settings import CalibratedQuantity
 from calibration.stages import read_calibration
 from catalogs.figures import style
@@ -58,7 +58,9 @@ def intervals(tested: SelfTest, true: NDArray, quantities: Sequence[CalibratedQu
     """True values and intervals of each quantity, one panel each, for JSON; true (trial, quantity) in the unit cube."""
     found = []
     for number, quantity in enumerate(quantities):
-        low, middle, high = np.array([posterior.quantiles(SHARES)[:, number] for posterior in tested.posteriors]).T
+        low, middle, high = np.array(
+            [posterior.intervals(INTERVAL_SHARE)[:, number] for posterior in tested.posteriors]
+        ).T
         shares = {"true": true[:, number], "low": low, "middle": middle, "high": high, "ends": (0.0, 1.0)}
         panel: dict[str, Any] = {name: [float(quantity.value(share)) for share in one] for name, one in shares.items()}
         panel |= {"held": tested.held[:, number].tolist(), "label": axis_label(quantity), "scale": quantity.scale}

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from calibration.fit import Fit, Rows, calibrate, calibrate_to_trials
+from calibration.fit import INTERVAL_SHARE, Fit, Rows, calibrate, calibrate_to_trials
 from calibration.limits import beyond_range, compare_b
 from calibration.recorded import complete_above, read_record
 from calibration.surrogate import Surrogate
@@ -23,7 +23,6 @@ from calibration.trials import (
     outputs,
     read_places,
 )
-from catalogs.sources.jackknife import INTERVAL_95
 from common.errors import InputError
 from verification.answers.coverage import closed_form_mine as mine
 from verification.answers.coverage.shares import Coverage
@@ -98,7 +97,9 @@ def measure(chosen: dict, case: dict, seed: list[int]) -> Measured:
     """Calibrate the trials of a case to its records, one by one."""
     generator = np.random.default_rng(seed)
     trials = MinedTrials(chosen, case, generator)
-    held, held_90, warned = [], [], []
+    held: list[NDArray] = []
+    held_90: list[NDArray] = []
+    warned = []
     stated: list[float] = []
     for _ in range(chosen["catalogues"]):
         truth = true_values(case.get("truth", WITHIN), generator)
@@ -106,9 +107,9 @@ def measure(chosen: dict, case: dict, seed: list[int]) -> Measured:
             fit, rows = trials.calibrated(mine.record(truth, trials.case, generator))
         except InputError:  # a completeness that the record does not tell is asked for
             continue
-        low, start, end, high = fit.posterior.quantiles(np.array([INTERVAL_95[0], 0.05, 0.95, INTERVAL_95[1]]))
-        held.append((low <= truth) & (truth <= high))
-        held_90.append((start <= truth) & (truth <= end))
+        for share, kept in ((0.95, held), (INTERVAL_SHARE, held_90)):
+            low, _, high = fit.posterior.intervals(share)
+            kept.append((low <= truth) & (truth <= high))
         warned.append((beyond_range(fit, SEED).is_told or not fit.fits, compare_b(fit, SEED).is_told))
         if len(stated) < case.get("self_tests", 0):
             stated.append(calibrate_to_trials(fit, rows, trials.designed, SEED).coverage)
