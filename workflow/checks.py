@@ -1,15 +1,10 @@
 """Checks of a mine that the schema cannot express: order of steps, names, the domain, the virgin stress."""
 
-import difflib
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 
-import numpy as np
-
-from catalogs.compare.face import Face
-from catalogs.records.times import parse_time
-from catalogs.settings import ALL_STEPS, FacePosition
+from catalogs.settings import ALL_STEPS
 from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import is_list
 from mpm_core.constitutive.laws import can_fail
@@ -18,12 +13,12 @@ from mpm_core.scene.scene import parse_scene
 from mpm_core.settings import ShapeSettings
 from plans.layout import ANY
 from workflow.accuracy import DRAFT, apply_accuracy
+from workflow.comparison_checks import check_baselines, check_face, check_forecasts, check_plans
 from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
-from workflow.face_positions import face_positions
 from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine
-from workflow.mine_settings import MINE_FILE_PLAN, BoundaryStrain, Excavation, Load, MineSettings, RockBody
+from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
 from workflow.virgin_rock import check_virgin_stress
@@ -79,11 +74,11 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(_check_places, "frame", "domain", "plane")  # where the frame is wrong, they lie outside the domain too
     check(check_record, "record", "frame")
     check(check_filter, "record", "domain", "plane")
-    check(_check_face, "face", "plane", "steps")
-    check(_check_baselines, "baselines", "steps", *cells)
+    check(check_face, "face", "plane", "steps")
+    check(check_baselines, "baselines", "steps", *cells)
     check(check_repeated, "excavations", "steps")
-    check(_check_plans, "plans", "excavations", "steps")
-    check(_check_forecasts, "forecasts", "record", "steps")
+    check(check_plans, "plans", "excavations", "steps")
+    check(check_forecasts, "forecasts", "record", "steps")
     check(_check_solver, "solver", "grid", "materials")
     check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "solver", "accuracy")
     check(_check_compression, "insitu_stress", "domain", "frame", "plane")
@@ -162,98 +157,6 @@ def _check_step(mine: Mine, index: int) -> None:
     ends = [earlier.end for earlier in mine.steps[:index] if earlier.end is not None]
     if ends and is_date(ends[-1]) and start < read_date(where, ends[-1]):
         raise InputError(f"{where}.start: {step.start} is before the end of the step before, {ends[-1]}")
-
-
-def _check_plans(mine: Mine, mistakes: Mistakes) -> None:
-    """Names of plans, and of the excavations that they change. What a plan becomes is checked when it is asked for."""
-    seen: list[str] = []
-    written = [str(entry.get("name")) for entry in mine.text.get("excavations", ())]
-    made = [entry.name for entry in mine.excavations]
-    for name, plan in mine.settings.plans.items():
-        where = f"plans.{name}"
-        with mistakes.gather():
-            if name.lower() == MINE_FILE_PLAN:
-                raise InputError(
-                    f"{where}: this is what the plan of the mine file itself is called; choose another name"
-                )
-            if name.lower() in seen:
-                raise InputError(
-                    f"{where}: differs from another plan in capitals alone, which are the same folder on some disks"
-                )
-        seen.append(name.lower())
-        for step in plan.steps or ():
-            for key, date in (("start", step.start), ("end", step.end)):
-                with mistakes.gather():
-                    if date is not None:
-                        read_date(f"{where}.steps.{step.name}.{key}", date)
-        for excavation in plan.excavations or {}:
-            with mistakes.gather():
-                if excavation not in written and excavation in made:
-                    raise InputError(
-                        f"{where}.excavations.{excavation}: comes from excavations_from, which a plan cannot change; "
-                        f"give {where}.file, a mine file of its own that lists its excavations"
-                    )
-                if excavation not in written:
-                    near = difflib.get_close_matches(excavation, written, n=1)
-                    meant = f"did you mean {near[0]}?" if near else "write it there first, with step: planned"
-                    raise InputError(f"{where}.excavations.{excavation}: no excavation of the mine file; {meant}")
-        with mistakes.gather():
-            if plan.file is not None and not mine.path(plan.file).is_file():
-                raise InputError(f"{where}.file: {mine.path(plan.file)}: no such file")
-
-
-def _check_face(mine: Mine, _: Mistakes) -> None:
-    """A face is in plan, and stands somewhere at the end of a dated step. Raises InputError."""
-    if mine.settings.face is None:
-        return
-    if mine.plane == "xz":
-        raise InputError("face: its positions are in plan, which a scene with plane: xz does not have; leave it out")
-    ends = [step.end for step in mine.listed_steps if step.is_dated]
-    if not ends:
-        raise InputError("face: no step has dates to compare events in; give steps start and end, or leave it out")
-    face = Face.of([FacePosition.of(one) for one in face_positions(mine)])
-    known = np.isfinite(face.at(np.array([parse_time(end, "steps") for end in ends])).ahead).all(axis=1)
-    if not known.any():
-        raise InputError(
-            f"face: no position before and after the end of any dated step ({', '.join(ends)}); give positions that "
-            "cover the steps"
-        )
-
-
-def _check_baselines(mine: Mine, mistakes: Mistakes) -> None:
-    """Check the date from which earlier months are read, and the radii of flaws against the domain."""
-    settings, domain = mine.settings.baselines, mine.settings.domain
-    starts = [step.start for step in mine.listed_steps if step.is_dated]
-    if settings.since is not None:
-        with mistakes.gather():
-            since = read_date("baselines.since", settings.since)
-            if starts and since > read_date("steps", starts[0]):
-                raise InputError(
-                    f"baselines.since: {settings.since} is after the first dated step begins, {starts[0]}; give an "
-                    "earlier date, or leave it out"
-                )
-    if settings.radii is not None and mine.dimension == 3:
-        edge = min(high - low for low, high in zip(domain.lower, domain.upper, strict=True))
-        if settings.radii[1] > 0.5 * edge:
-            mistakes.add(
-                f"baselines.radii: a flaw with a radius of {settings.radii[1]:g} m does not fit into the domain, whose "
-                f"shortest edge is {edge:g} m; give a smaller largest radius"
-            )
-
-
-def _check_forecasts(mine: Mine, mistakes: Mistakes) -> None:
-    """Kept forecasts that are there, of a mine whose record can score them."""
-    forecasts, seen = mine.settings.forecasts, set[str]()
-    if forecasts and (mine.settings.record is None or not mine.dated_steps):
-        raise InputError("forecasts: there is no record to score them by; give one, or leave them out")
-    for number, name in enumerate(forecasts):
-        with mistakes.gather():
-            if not mine.path(name).is_file():
-                raise InputError(f"forecasts.{number}: {mine.path(name)}: no such file")
-            place = mine.path(name).resolve().as_posix()
-            if place in seen:
-                raise InputError(f"forecasts.{number}: {name} stands twice; leave one out")
-            seen.add(place)
 
 
 def _solids(mine: Mine) -> Iterator[tuple[str, ShapeSettings]]:

@@ -36,7 +36,7 @@ class PlanOutcomes:
 
     Nothing is looked at before a rule asks for it. Plans are checked three times, each time with a line for a mistake:
 
-    - When the mine file is read, their names and what they change (workflow/checks.py).
+    - When the mine file is read, their names and what they change (workflow/comparison_checks.py).
     - When the mine of a plan is first asked for, its whole configuration (`MiningPlans.mine_of`).
     - When the plans are to be compared, that all of them can be (`checked_names`).
     """
