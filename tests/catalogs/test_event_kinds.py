@@ -7,6 +7,7 @@ import logging
 import numpy as np
 import pytest
 from catalog_fixtures import SETTINGS
+from csv_fixtures import COLUMNS, read
 from elk_creek_fixtures import write_tiny_mine
 from obspy.core.event.header import EventType
 
@@ -27,7 +28,6 @@ ORIGIN = """<origin publicID="smi:local/{name}/{number}"><time><value>2019-08-01
 MAGNITUDE = """<magnitude publicID="smi:local/{name}/m{number}"><mag><value>{value}</value></mag><type>{type}</type>
 {status}</magnitude>"""
 TABLE = "time,x,y,z,mw,kind,state\n"
-COLUMNS = {"time": "time", "x": "x", "y": "y", "z": "z", "mw": "mw"}
 SEISMICITY = ("earthquake", "induced or triggered event", "rock burst", "mine collapse", "fluid injection", None)
 OTHERS = ("explosion", "quarry blast", "mining explosion", "not existing", "sonic boom", "acoustic noise")
 
@@ -58,15 +58,13 @@ def quakeml(folder, *events: str, change=lambda text: text, **others):
 
 
 def csv(folder, rows, columns=None, **others):
-    path = folder / "record.csv"
     lines = [f"2019-08-0{day},{day},2,3,-1,{kind},{state}" for day, (kind, state) in enumerate(rows, 1)]
-    path.write_text(TABLE + "\n".join(lines) + "\n")
-    return read_record(SETTINGS | {"reader": "csv", "file": str(path), "columns": COLUMNS | (columns or {})} | others)
+    return read(folder, TABLE + "\n".join(lines) + "\n", COLUMNS | (columns or {}), **others)
 
 
-def refused(read, *arguments, **others) -> str:
+def refused(reading, *arguments, **others) -> str:
     with pytest.raises(InputError) as caught:
-        read(*arguments, **others)
+        reading(*arguments, **others)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 

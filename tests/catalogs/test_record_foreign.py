@@ -4,27 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from catalog_fixtures import SETTINGS, SHEAR
+from catalog_fixtures import SHEAR
+from csv_fixtures import COLUMNS, PLAIN, read, refused
 
-from catalogs.records import read_record
 from common.errors import InputError
 
-COLUMNS = {"time": "time", "x": "x", "y": "y", "z": "z", "mw": "mw"}
-PLAIN = "time,x,y,z,mw\n2019-08-01T12:00:00,100.5,200,300,-1.0\n2019-08-13T00:00:00.5,110,1200,300,0.5\n"
 TIMES = np.array(["2019-08-01T12:00:00", "2019-08-13T00:00:00.500"], "datetime64[ns]")
-
-
-def read(folder, text: str | bytes, columns: dict | None = None, **others):
-    path = folder / "record.csv"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return read_record(SETTINGS | {"reader": "csv", "file": str(path), "columns": columns or COLUMNS} | others)
-
-
-def refused(folder, text, columns=None, **others) -> str:
-    with pytest.raises(InputError) as error:
-        read(folder, text, columns, **others)
-    assert "\n" not in str(error.value)
-    return str(error.value)
 
 
 # ---- encodings ----

@@ -4,15 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from catalog_fixtures import SETTINGS
+from csv_fixtures import COLUMNS, read, refused
 from test_event_kinds import event, quakeml
 
-from catalogs.records import read_record
 from catalogs.records.times import check_zone, parse_time
 from common.errors import InputError
 from workflow.dates import read_date
 
-COLUMNS = {"time": "time", "x": "x", "y": "y", "z": "z", "mw": "mw"}
 HEADER = "time,x,y,z,mw,q,kind,state\n"
 
 
@@ -21,19 +19,6 @@ def table(values=("1",) * 6, kinds=("",) * 6, states=("",) * 6, header: str = HE
     rows = enumerate(zip(values, kinds, states, strict=True), 1)
     lines = [f"2019-08-0{n}T06:00:00,{n},2,3,{0.1 * n:g},{value},{kind},{state}" for n, (value, kind, state) in rows]
     return header + "\n".join(lines) + "\n"
-
-
-def read(folder, text: str, columns=None, **others):
-    path = folder / "record.csv"
-    path.write_text(text, encoding="utf-8")
-    return read_record(SETTINGS | {"reader": "csv", "file": str(path), "columns": columns or COLUMNS} | others)
-
-
-def refused(folder, text, columns=None, **others) -> str:
-    with pytest.raises(InputError) as error:
-        read(folder, text, columns, **others)
-    assert "\n" not in str(error.value)
-    return str(error.value)
 
 
 # ---- zones ----

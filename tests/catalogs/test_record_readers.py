@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from catalog_fixtures import FRAME, LAME, SETTINGS, SHEAR, made_up_catalog
+from csv_fixtures import settings_of
 from job_runs import run_job
 
 from catalogs.compare.comparison import compare
@@ -27,9 +28,7 @@ COLUMNS = {"time": ["date", "time of day"], "x": "x", "y": "y", "z": "z", "log_p
 
 
 def settings_for(tmp_path, text=TABLE, columns=None, **other) -> dict:
-    path = tmp_path / "record.csv"
-    path.write_text(text)
-    return SETTINGS | {"reader": "csv", "file": str(path), "columns": columns or COLUMNS} | other
+    return settings_of(tmp_path, text, columns or COLUMNS, **other)
 
 
 def test_csv_gives_times_places_and_sizes(tmp_path):

@@ -4,31 +4,14 @@ import json
 
 import numpy as np
 import pytest
-from catalog_fixtures import SETTINGS, SHEAR
+from catalog_fixtures import SHEAR
+from csv_fixtures import COLUMNS, PLAIN, read, refused
 
-from catalogs.records import read_record
-from common.errors import InputError
-
-COLUMNS = {"time": "time", "x": "x", "y": "y", "z": "z", "mw": "mw"}
-PLAIN = "time,x,y,z,mw\n2019-08-01T12:00:00,100.5,200,300,-1.0\n2019-08-13T00:00:00.5,110,1200,300,0.5\n"
 EXPECTED = {
     "time": ["2019-08-01T12:00:00", "2019-08-13T00:00:00.500"],
     "location": [[100.5, 200, 300], [110, 1200, 300]],
     "mw": [-1.0, 0.5],
 }
-
-
-def read(folder, text: str | bytes, columns: dict | None = None, **others):
-    path = folder / others.pop("name", "record.csv")
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return read_record(SETTINGS | {"reader": "csv", "file": str(path), "columns": columns or COLUMNS} | others)
-
-
-def refused(folder, text, columns=None, **others) -> str:
-    with pytest.raises(InputError) as error:
-        read(folder, text, columns, **others)
-    assert "\n" not in str(error.value)
-    return str(error.value)
 
 
 SEMICOLON = "time;x;y;z;mw\n01.08.2019 12:00;100,5;200;300;-1\n13.08.2019 00:00:00,5;110;1.200,0;300;0,5\n"
