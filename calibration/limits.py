@@ -82,7 +82,7 @@ def _improvement(effects: NDArray, off: NDArray, start: NDArray) -> tuple[float,
     free = np.linalg.lstsq(effects, off, rcond=None)[0]
     if ((start + free >= 0.0) & (start + free <= 1.0)).all():
         return 0.0, {}
-    held = lsq_linear(effects, off, (-start - 1e-9, 1.0 - start + 1e-9))
+    held = lsq_linear(effects, off, (-start - 1e-9, 1.0 - start + 1e-9), method="bvls")  # the quickest for few values
     saved = 2.0 * held.cost - float(np.sum((off - effects @ free) ** 2))
     ends = {number: int(side) for number, side in enumerate(held.active_mask) if side}
     return float(np.sqrt(max(saved, 0.0))), ends

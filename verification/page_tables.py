@@ -32,6 +32,7 @@ def number(text: str, digits: int = 4) -> str:
 
 CELL_TEXTS: dict[str, Callable[[dict[str, str]], str]] = {
     "measured": lambda row: number(row["obtained"]),
+    "share": lambda row: f"{float(row['obtained']):.3f} ± {float(row['allowed']):.3f}" if row["obtained"] else "",
     "error": lambda row: number(row["error"], 2),
     "error, %": lambda row: f"{100 * float(row['error']):.2g}" if row["error"] else "",
     "change, %": lambda row: f"{100 * (float(row['obtained']) / float(row['expected']) - 1):+.1f}",

@@ -19,29 +19,30 @@ NUMERICS = ("baselines", "calibration", "catalogs", "plans")  # Folders that the
 
 TABLES = (
     Pivot(
-        "Share of catalogues with an interval, and share of intervals that hold the truth",
+        "Share of catalogues with an interval, and share of intervals that hold the truth (± two Monte Carlo standard "
+        "errors of a share as large as its bound, here and below)",
         r"(?P<row>.+): (?P<column>coverage of the 95 % interval|share of catalogues with an interval) \(error: .+\)",
-        "measured",
+        "share",
     ),
     Pivot(
         "Share of pairs of one process that are told apart at 5 %",
         r"(?P<row>.+): (?P<column>\w+) of one process said to differ .+",
-        "measured",
+        "share",
     ),
     Pivot(
         "Share of first pages that call a right model wrong, and random directions close",
         r"(?P<row>.+): (?P<column>right models called wrong|random directions called closer) \(error: .+\)",
-        "measured",
+        "share",
     ),
     Pivot(
         "Share of wrong models whose sentence on the first page says so, where they are as wrong as it says it notices",
         r"(?P<row>.+): (?P<column>\w+) of the size that pages state, noticed .+",
-        "measured",
+        "share",
     ),
     Pivot(
         "Share of calibrations with a warning, right ones and false ones, and coverage by the self-test",
         r"(?P<row>calibration, .+): (?P<column>warned.+|coverage that the self-test states) \(.*error: .+\)",
-        "measured",
+        "share",
     ),
 )
 SUBJECTS = (comparison.answer, baselines.answer, first_page.answer, plans.answer, calibration.answer)

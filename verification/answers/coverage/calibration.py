@@ -25,8 +25,8 @@ from calibration.trials import (
 )
 from common.errors import InputError
 from verification.answers.coverage import closed_form_mine as mine
-from verification.answers.coverage.shares import Coverage
-from verification.comparisons import monte_carlo_error, reaching
+from verification.answers.coverage.shares import MARGIN, Coverage, share_at_least, share_at_most
+from verification.comparisons import monte_carlo_error
 from verification.rows import Row
 
 SEED = 1
@@ -134,23 +134,19 @@ def true_values(place: str, generator: np.random.Generator) -> NDArray:
 
 def _warning_rows(name: str, case: dict, found: Measured, allowed: dict) -> list[Row]:
     """Rows of the shares of records with a warning: wanted ones reach a share, false alarms are below one."""
-    rows = []
+    rows, count = [], len(found.warned)
     for kind, wanted, share in (
         ("values beyond a range", case.get("truth") == BEYOND, float(np.mean(found.warned[:, 0]))),
         ("another b", "record_b" in case, float(np.mean(found.warned[:, 1]))),
     ):
         if wanted:
             least = allowed["warned"]
-            rows.append(reaching(f"{name}: warned of {kind} (error: short of {least:g})", 1.0, share, least))
+            quantity = f"{name}: warned of {kind} (error: short of {least:g})"
+            rows.append(share_at_least(quantity, 1.0, share, least, count, "records"))
         elif case.get("truth") != BEYOND and "record_b" not in case:
-            most, count = allowed["false_warnings"], len(found.warned)
-            rows.append(
-                Row(
-                    f"{name}: warned falsely of {kind} (error: above {most:g})",
-                    0.0, share, float(np.maximum(0.0, share - most)), 2.0 * monte_carlo_error(most, count),
-                    f"{count} records",
-                )
-            )  # fmt: skip
+            most = allowed["false_warnings"]
+            quantity = f"{name}: warned falsely of {kind} (error: above {most:g})"
+            rows.append(share_at_most(quantity, 0.0, share, most, count, "records"))
     return rows
 
 
@@ -159,5 +155,5 @@ def _self_test_row(name: str, found: Measured, most: float) -> Row:
     return Row(
         f"{name}: coverage that the self-test states (90 % intervals; error: off by more than {most:g})",
         found.true, found.stated, float(np.maximum(0.0, abs(found.stated - found.true) - most)),
-        2.0 * monte_carlo_error(0.9, found.held.size), f"{len(found.held)} records",
+        MARGIN * monte_carlo_error(0.9, found.held.size), f"{len(found.held)} records",
     )  # fmt: skip

@@ -23,9 +23,8 @@ from catalogs.settings import ComparisonSlice, DatedStep
 from catalogs.sources import sizes
 from catalogs.sources.significance import POWER, SIGNIFICANCE
 from common.event_table import new_catalog
-from verification.answers.coverage.shares import Coverage
+from verification.answers.coverage.shares import Coverage, share_at_least, share_at_most
 from verification.answers.statistics.samples import branching_events, burst_events, dated, simulated_sizes
-from verification.comparisons import monte_carlo_error, reaching
 from verification.rows import Row
 
 SHEAR_MODULUS = 30e9  # Pa
@@ -78,12 +77,9 @@ def answer(settings: dict, allowed: dict) -> tuple[list[Coverage], list[Row]]:
 
 
 def _alarms(name: str, share: float, drawn: int) -> Row:
-    """Row of a share that SIGNIFICANCE bounds, which it may exceed by two Monte Carlo errors only."""
-    error = monte_carlo_error(SIGNIFICANCE, drawn)
-    return Row(
-        f"{name} (error: above {SIGNIFICANCE:g})", SIGNIFICANCE, share, max(0.0, share - SIGNIFICANCE), 2.0 * error,
-        f"{drawn} first pages, Monte Carlo standard error {error:.4f}",
-    )  # fmt: skip
+    """Row of a share that SIGNIFICANCE bounds."""
+    quantity = f"{name} (error: above {SIGNIFICANCE:g})"
+    return share_at_most(quantity, SIGNIFICANCE, share, SIGNIFICANCE, drawn, "first pages")
 
 
 STATED: dict[str, tuple[str, str, Callable[[float], Wrong]]] = {  # by kind: question, variable, the model
@@ -105,7 +101,7 @@ def _power(case: dict, chosen: dict, kind: str, right: list, seed: list[int], le
     found = pages(case, chosen | {"catalogues": drawn}, wrong, seed)
     share = float(np.mean([question in condemned(sentences) for _, sentences in found]))
     name = f"{case['name']}: {kind} of the size that pages state, noticed (error: short of {least:g})"
-    return reaching(name, POWER, share, least, remark=f"{drawn} first pages, wrong by {stated:.3g}")
+    return share_at_least(name, POWER, share, least, drawn, f"first pages wrong by {stated:.3g}")
 
 
 def _largest(case: dict, chosen: dict, right: list, seed: list[int]) -> Coverage:

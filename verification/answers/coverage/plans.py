@@ -18,7 +18,7 @@ from plans.layout import ANY, FIELDS, PlanSummary
 from plans.record import RecordedSteps
 from plans.runs import StepResult
 from plans.settings import HazardSettings, OutcomeSlice
-from verification.answers.coverage.shares import Coverage, Intervals, alarm_row, cover
+from verification.answers.coverage.shares import MARGIN, Coverage, Intervals, alarm_row, cover
 from verification.answers.statistics.samples import branching_events, burst_events, dated, simulated_sizes
 from verification.rows import Row
 
@@ -192,9 +192,10 @@ def calibration_rows(case: dict, chosen: dict, allowed: dict, generator: np.rand
             continue
         mean, share = said[inside].mean(), happens[inside].mean()
         off = float(abs(np.log(share / mean)))
+        error = float(np.std(happens[inside] - said[inside])) / np.sqrt(inside.sum()) / share
         name = f"{case['name']}: chances stated as {100 * low:g} to {100 * high:g} % (error: ln of true over stated)"
-        remark = f"{inside.sum()} plans of {len(said)}"
-        rows.append(Row(name, float(mean), float(share), off, allowed["calibration"], remark))
+        remark = f"{inside.sum()} plans of {len(said)}, Monte Carlo standard error of ln {error:.4f}"
+        rows.append(Row(name, float(mean), float(share), off, allowed["calibration"] + MARGIN * error, remark))
     return rows
 
 
@@ -271,4 +272,11 @@ def width_row(case: dict, widths: list[float], generator: np.random.Generator) -
     ratio = float(np.median(widths)) / ideal
     error = 1.25 * float(np.std(widths)) / np.sqrt(len(widths)) / ideal
     name = f"forecast number, {case['name']}: width over that of the truth's law (error: above {case['widest']:g})"
-    return Row(name, 1.0, ratio, max(0.0, ratio - case["widest"]), 2.0 * error, f"{len(widths)} records")
+    return Row(
+        name,
+        1.0,
+        ratio,
+        max(0.0, ratio - case["widest"]),
+        MARGIN * error,
+        f"{len(widths)} records, Monte Carlo standard error {error:.4f}",
+    )

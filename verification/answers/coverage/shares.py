@@ -1,4 +1,9 @@
-"""Shares of catalogues of known truth whose interval holds it, and shares that a test condemns, as study rows."""
+"""Shares of catalogues of known truth whose interval holds it, and shares that a test condemns, as study rows.
+
+A share is out of its bound only if so few catalogues can hardly bring it about by chance where the true share is as
+large as the bound: if it is further off than MARGIN Monte Carlo standard errors, that is, if its own binomial interval
+(Wilson's) leaves the bound out.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from verification.comparisons import monte_carlo_error, reaching
+from verification.comparisons import monte_carlo_error
 from verification.rows import Row
 
+MARGIN = 2.0  # Monte Carlo standard errors by which a share may miss its bound.
 # Lower and upper end of an interval (None where there is none), and the truth, by quantity.
 Intervals = dict[str, tuple[tuple[float, float] | None, float]]
 
@@ -53,15 +59,27 @@ def cover(
     ]
 
 
+def share_at_least(quantity: str, expected: float, share: float, least: float, count: float, drawn: str) -> Row:
+    """Row of a share of `count` draws that must reach `least`; its error is what it lacks. drawn: what they are."""
+    return _share_row(quantity, expected, share, least - share, least, count, drawn)
+
+
+def share_at_most(quantity: str, expected: float, share: float, most: float, count: float, drawn: str) -> Row:
+    """Row of a share of `count` draws that `most` bounds; its error is what it exceeds. drawn: what they are."""
+    return _share_row(quantity, expected, share, share - most, most, count, drawn)
+
+
+def _share_row(quantity: str, expected: float, share: float, off: float, bound: float, count: float, drawn: str) -> Row:
+    error = monte_carlo_error(bound, max(count, 1))
+    remark = f"{count:g} {drawn}, Monte Carlo standard error {error:.4f}"
+    return Row(quantity, expected, share, float(np.maximum(0.0, off)), MARGIN * error, remark)  # NaN stays NaN
+
+
 def alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
     """Row of the share of pairs of one process that are said to differ, which may exceed the level only by chance."""
     level = chosen["level"]
-    error = monte_carlo_error(level, chosen["catalogues"])
-    return Row(
-        f"{name} of one process said to differ (p <= {level:g}; error: above {most:g})",
-        level, share, float(np.maximum(0.0, share - most)), 2.0 * error,
-        f"{chosen['catalogues']} pairs, Monte Carlo standard error {error:.4f}",
-    )  # fmt: skip
+    quantity = f"{name} of one process said to differ (p <= {level:g}; error: above {most:g})"
+    return share_at_most(quantity, level, share, most, chosen["catalogues"], "pairs")
 
 
 def coverage_rows(one: Coverage, allowed: dict) -> list[Row]:
@@ -69,9 +87,8 @@ def coverage_rows(one: Coverage, allowed: dict) -> list[Row]:
     least, often = one.least or allowed["coverage"], allowed["given"]
     coverage = f"{one.name}: coverage of the 95 % interval (error: short of {least:g})"
     given = f"{one.name}: share of catalogues with an interval (error: short of {often:g})"
-    remark = f"{one.drawn} catalogues, Monte Carlo standard error {one.error:.4f}"
-    others = "the others: no law, no completeness or no event, in words"
+    others = "catalogues; the others: no law, no completeness or no event, in words"
     return [
-        reaching(coverage, 0.95, one.held, least, remark=remark),
-        reaching(given, 1.0, one.given, often, remark=others),
+        share_at_least(coverage, 0.95, one.held, least, one.given * one.drawn, "intervals"),
+        share_at_least(given, 1.0, one.given, often, one.drawn, others),
     ]
