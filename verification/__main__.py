@@ -33,7 +33,8 @@ def answer(arguments: argparse.Namespace) -> None:
     """Compare the results of a study with its known answer."""
     from verification.frame import write_answer
 
-    write_answer(arguments.study, Path(arguments.output), Path(arguments.figure), Path(arguments.costs))
+    paths = (Path(arguments.output), Path(arguments.figure), Path(arguments.costs))
+    write_answer(arguments.study, *paths, arguments.threads)
 
 
 def solve(arguments: argparse.Namespace) -> None:
@@ -85,6 +86,7 @@ def main() -> None:
     command = add(answer, "study")
     for option in ("output", "figure", "costs"):
         command.add_argument(f"--{option}", required=True)
+    command.add_argument("--threads", type=int, default=1)
     add(solve, "case").add_argument("--threads", type=int, default=1)
     add(verdict, "study").add_argument("--table", required=True)
     command = add(pages)

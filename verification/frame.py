@@ -95,14 +95,16 @@ def read_study(name: str) -> Results:
     return read_results(load_study(FOLDER / f"{name}.yaml"), RESULTS / name, LOGS / name)
 
 
-def write_answer(name: str, table: Path, figure: Path, costs: Path) -> None:
+def write_answer(name: str, table: Path, figure: Path, costs: Path, threads: int = 1) -> None:
     """Write the rows of a study with their verdicts, its figure, and the costs of its variants.
 
-    What they were made from is written beside them. Raises InputError where a known miss explains no row.
+    threads: how many an answer without scenes may use. What they were made from is written beside them. Raises
+    InputError where a known miss explains no row.
     """
     from catalogs.figures import style
 
     results = read_study(name)
+    results.threads = threads
     study = results.study
     module = importlib.import_module(f"verification.answers.{study.answer}")
     with style.applied():

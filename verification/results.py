@@ -100,10 +100,11 @@ class Variant:
 
 @dataclass
 class Results:
-    """All variants of a study, with its bounds and settings."""
+    """All variants of a study, with its bounds and settings. threads: how many its answer may use."""
 
     study: Study
     variants: dict[str, Variant]
+    threads: int = 1
 
     @property
     def allowed(self) -> dict[str, float]:

@@ -22,7 +22,7 @@ rule answer:
         "logs/verification/{study}.log",
     conda:
         "../../workflow/envs/environment.yaml"
-    threads: 1
+    threads: STUDIES.answer_threads
     resources:
         mem_mb=4000,
         runtime=60,
@@ -31,7 +31,7 @@ rule answer:
         default=STUDIES.default_text,
     shell:
         "stage verification answer {wildcards.study}"
-        " --output {output.table} --figure {output.figure} --costs {output.costs} --log {log}"
+        " --output {output.table} --figure {output.figure} --costs {output.costs} --log {log} --threads {threads}"
 
 
 rule summary:

@@ -5,9 +5,12 @@ intervals that hold the truth. For a record and a model of one process they are 
 subject is a module with a function `answer`, which takes settings and bounds, and returns coverages and other rows.
 """
 
+from functools import partial
+
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
+from common.processes import call_all
 from verification.answers.coverage import baselines, calibration, comparison, first_page, plans
 from verification.answers.coverage.shares import Coverage, coverage_rows
 from verification.page_tables import Pivot
@@ -45,15 +48,24 @@ TABLES = (
         "share",
     ),
 )
-SUBJECTS = (comparison.answer, baselines.answer, first_page.answer, plans.answer, calibration.answer)
+SUBJECTS = {
+    "calibration": calibration.answer,  # the longest first
+    "first page": first_page.answer,
+    "comparison": comparison.answer,
+    "plans": plans.answer,
+    "baselines": baselines.answer,
+}
+ORDER = ("comparison", "baselines", "first page", "plans", "calibration")
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
     """Two rows for each interval of a case, false alarms in cases of one process, and a figure of all intervals."""
+    parts = {name: partial(subject, results.settings, results.allowed) for name, subject in SUBJECTS.items()}
+    found = call_all(parts, results.threads)
     coverages: list[Coverage] = []
     others: list[Row] = []
-    for subject in SUBJECTS:
-        of_subject, rows = subject(results.settings, results.allowed)
+    for name in ORDER:
+        of_subject, rows = found[name]
         coverages += of_subject
         others += rows
     rows = [row for one in coverages for row in coverage_rows(one, results.allowed)]
