@@ -44,10 +44,12 @@ BOUNDS = {"minimum": "ge", "exclusiveMinimum": "gt", "maximum": "le", "exclusive
 KEY_PATTERN = r"^[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)+$"
 NAME_PATTERN = "^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
 DATE_PATTERN = "^[0-9]{4}-[0-9]{2}-[0-9]{2}([T ][0-9:.]+Z?)?$"
+INSTANT_PATTERN = "^[0-9]{4}-[0-9]{2}-[0-9]{2}([T ][0-9:.]+ ?(Z|[-+][0-9:]+)?)?$"
 EXPECTED = {
     KEY_PATTERN: "keys from the top of the mine file, joined by dots, such as materials.host.cohesion.residual",
     NAME_PATTERN: "up to 64 letters, digits, - and _, of which the first is a letter or digit",
     DATE_PATTERN: "a date such as 2019-08-31 or 2019-08-31T06:00:00",
+    INSTANT_PATTERN: "a date such as 2019-08-31 or 2019-08-31T06:00:00+10:00",
 }
 
 
@@ -286,6 +288,8 @@ def is_section(value: Any) -> bool:
 Name = Annotated[str, Field(pattern=NAME_PATTERN)]
 """of files and folders, too"""
 Date = Annotated[str, Field(pattern=DATE_PATTERN)]
+Instant = Annotated[str, Field(pattern=INSTANT_PATTERN)]
+"""a date that may have an offset from UTC"""
 AsTuple = BeforeValidator(_plain_list)
 """JSON knows no tuples"""
 EachOnce = AfterValidator(_without_repeats)

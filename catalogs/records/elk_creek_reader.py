@@ -26,7 +26,7 @@ from catalogs.records.settings import Box, DomainBox, LocationError
 from catalogs.records.times import check_offset, parse_time
 from common.errors import InputError
 from common.event_table import new_catalog
-from common.setting_types import Settings, Size, Unit, refusal
+from common.setting_types import Instant, Settings, Size, Unit, refusal
 from common.source_tensors import moment_magnitude
 
 NAME = "elk_creek"
@@ -68,10 +68,10 @@ class OrientationSettings(Settings):
     """Lower corner of the box."""
     upper: Box = None
     """Upper corner of the box."""
-    start: str = None
+    start: Instant = None
     """First date."""
-    end: str = None
-    """Last date."""
+    end: Instant = None
+    """First date that no longer counts."""
 
 
 class Record(record_settings.RecordSettings):

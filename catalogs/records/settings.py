@@ -9,6 +9,7 @@ from common.frame import Frame
 from common.setting_types import (
     AsTuple,
     EachOnce,
+    Instant,
     Length,
     Settings,
     Unit,
@@ -44,10 +45,10 @@ class FilterSettings(Settings):
     """Corner of the box in which events are compared, with three coordinates."""
     upper: Box = None
     """The opposite corner of the box."""
-    start: str = None
+    start: Instant = None
     """First date that is compared. Default: the start of the first dated step."""
-    end: str = None
-    """Last date that is compared. Default: the end of the last dated step."""
+    end: Instant = None
+    """First date that is no longer compared. Default: the end of the last dated step."""
     minimum_potency: Annotated[float, Unit("m^3", ge=0, le=1e20)] = None
     """Smallest potency of an event that is compared."""
     maximum: Numbers = None

@@ -102,6 +102,20 @@ def test_offsets_that_no_clock_has_are_refused_wherever_times_come_in(tmp_path, 
         quakeml(tmp_path, event("a", "earthquake"), change=lambda text: text.replace(":00Z<", f":00{offset}<"))
 
 
+@pytest.mark.parametrize("text", ["2019-W10-1", "2019W101", "2019-060", "20190801", "01/02/2019", "2019-08", "2019"])
+@pytest.mark.parametrize("key", ["start", "end"])
+def test_dates_of_a_filter_are_written_as_those_of_steps(tmp_path, key, text):
+    """Weeks and numbered days of ISO 8601 were read as dates."""
+    says = rf"record\.filter\.{key}: '{text}' does not match: expected a date such as 2019-08-31"
+    with pytest.raises(InputError, match=says):
+        read(tmp_path, table(), filter={key: text})
+
+
+@pytest.mark.parametrize("text", ["2019-08-01", "2019-08-01 06:00", "2019-08-01T16:00:00.5+10:00", "2019-08-01T06:00Z"])
+def test_dates_of_a_filter_may_have_a_time_and_an_offset(tmp_path, text):
+    assert read(tmp_path, table(), filter={"start": text}).sizes["event"] > 0
+
+
 @pytest.mark.parametrize("text", ["01/02/2019", "2019-02-30T00:00:00Z", "now", "2019-08-01T25:00:00Z"])
 def test_a_time_of_quakeml_that_is_none_is_refused(tmp_path, text):
     """Its event was left out as one without a time."""
