@@ -62,6 +62,7 @@ class ResultFiles:
         """The files of all stages, so that a missing intermediate file is made again although the report exists."""
         made = {
             "report.html": True,
+            "figures": True,
             "catalog.nc": self.has_catalog,
             "catalog.csv": self.has_catalog,
             "closeness.nc": self.has_catalog,

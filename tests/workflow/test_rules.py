@@ -7,6 +7,7 @@ from snakemake.iocontainers import Wildcards
 from tiny_mines import STILL, TINY
 
 from common.job import read_job
+from workflow import BASE
 from workflow.folders import Folders
 from workflow.result_files import ResultFiles
 from workflow.rule_inputs import RuleInputs
@@ -73,10 +74,12 @@ def test_a_plan_names_every_result(files, accept):
     runs = ("", "ensemble/1/", "ensemble/2/")
     steps = [f"{run}{result}" for run in runs for result in ("steps/history.nc", "steps/2019-08.nc", "events")]
     others = ["catalog.nc", "catalog.csv", "catalog.xml", "closeness.nc", "record.nc", "comparison.nc", "spread.nc"]
-    expected = ["grid.nc", "elastic.nc", *steps, *others, "grid_convergence.nc", "report.html"]
+    expected = ["grid.nc", "elastic.nc", *steps, *others, "grid_convergence.nc", "report.html", "figures"]
     assert sorted(made) == sorted(f"results/tiny/{name}" for name in expected)
     still = ResultFiles(Folders(accept(STILL)))
-    assert sorted(still.all()) == [f"results/still/{name}" for name in ("elastic.nc", "grid.nc", "report.html")]
+    assert sorted(still.all()) == [
+        f"results/still/{name}" for name in ("elastic.nc", "figures", "grid.nc", "report.html")
+    ]
 
 
 def test_a_step_starts_from_the_one_before(files):
@@ -145,3 +148,14 @@ def test_a_job_is_written_with_the_inputs_of_its_rule(files, tmp_path, monkeypat
     assert trial(cards(trial="2")).startswith("results/tiny/jobs/trial/2/")
     assert read_job(trial(cards(trial="2"))).inputs == {}
     assert trial(cards(trial="2")) != trial(cards(trial="3"))
+
+
+@pytest.mark.parametrize("name", ["baselines", "plans", "calibration"])
+def test_pictures_beside_a_page_are_outputs_of_its_rule(name):
+    """Snakemake makes no other file again where it is missing."""
+    source, rules = BASE / name / "page.py", BASE / f"workflow/rules/{name}.smk"
+    saved = {"".join(names) for names in re.findall(r'"(\w+)": draw_|page\.parent / "(\w+)\.svg"', source.read_text())}
+    (outputs,) = re.findall(r"output:\n        page=.*?\n    log:", rules.read_text(), re.DOTALL)
+    named = set(re.findall(r"(\w+)\.svg", outputs)) | set(re.findall(r'"(\w+)"', outputs))
+    assert saved
+    assert saved <= named

@@ -77,7 +77,7 @@ if MINE.settings.baselines.since is not None:
 
 
 rule baselines:
-    """The pipeline's own model and both baselines beside the record: a page, and a table of scores."""
+    """The pipeline's own model and both baselines beside the record: a page, its figure, and tables."""
     input:
         **INPUTS.of(
             "baselines",
@@ -96,6 +96,7 @@ rule baselines:
         table=f"{BASELINE_RESULTS}/scores.csv",
         months=f"{BASELINE_RESULTS}/months.csv",
         rates=f"{BASELINE_RESULTS}/rates.csv",
+        figure=f"{BASELINE_RESULTS}/events.svg",
     log:
         f"{BASELINE_LOGS}/report.log",
     conda:

@@ -96,6 +96,7 @@ rule calibrate:
         page=f"{TRIAL_RESULTS}/report.html",
         table=f"{TRIAL_RESULTS}/trials.csv",
         mines=[f"{TRIAL_RESULTS}/{name}.yaml" for name in TRIALS.mine_files],
+        figures=[f"{TRIAL_RESULTS}/{name}.svg" for name in ("pairs", "predictions", "surrogate")],
     log:
         f"{OWN_LOGS}/{CALIBRATION}/fit.log",
     localrule: True

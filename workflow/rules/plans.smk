@@ -39,7 +39,7 @@ rule plan_outcome:
 
 
 rule plans:
-    """All plans side by side: a page, and a table."""
+    """All plans side by side: a page, its figures, and a table."""
     input:
         **INPUTS.of(
             "plans",
@@ -50,6 +50,7 @@ rule plans:
     output:
         page=f"{PLAN_RESULTS}/report.html",
         table=f"{PLAN_RESULTS}/plans.csv",
+        figures=[f"{PLAN_RESULTS}/{name}.svg" for name in ("map", "course")],
     log:
         f"{PLAN_LOGS}/report.log",
     conda:

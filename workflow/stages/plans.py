@@ -40,6 +40,6 @@ def plans(job: Job) -> None:
     """all plans side by side, as a page and a table"""
     from plans.page import report_stage
 
-    page, table = job.outputs
+    page, table = job.outputs[:2]
     outcomes = job.paths("outcomes")
     report_stage(job.settings, grid=job.input("grid"), outcomes=outcomes, output=page, table=table)
