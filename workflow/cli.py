@@ -1,6 +1,9 @@
 """The command of the installed package: rockburst-mpm <mine>.yaml [targets] [options of Snakemake]."""
 
+import contextlib
+import io
 import sys
+from collections.abc import Sequence
 
 from workflow import BASE
 
@@ -25,9 +28,24 @@ def arguments(words: list[str]) -> list[str]:
     return [*others, *cores, *profile, "--configfile", mine]
 
 
+def check_options(words: Sequence[str]) -> None:
+    """End in one line for arguments that Snakemake's own parser refuses: it would print all of its options first."""
+    from snakemake.cli import get_argument_parser
+
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        try:
+            get_argument_parser().parse_args(words)
+        except SystemExit as end:
+            if end.code:
+                reason = said.getvalue().strip().rpartition("error: ")[2]
+                sys.exit(f"{reason}; a file whose name begins with - is given as ./-name")
+            raise  # --help and --version
+
+
 def main() -> None:
     """Run Snakemake."""
     from snakemake.cli import main as run_snakemake
 
     sys.argv[1:] = arguments(sys.argv[1:])  # which the profile looks at, too
+    check_options(sys.argv[1:])
     run_snakemake(sys.argv[1:])

@@ -1,5 +1,7 @@
 """A whole mine in this process: the same values as from the stages of a pipeline, which write files."""
 
+import re
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,7 +9,7 @@ from tiny_mines import snakemake
 
 from common.errors import InputErrors
 from workflow import run_mine
-from workflow.cli import arguments
+from workflow.cli import arguments, check_options
 from workflow.configuration import load_mine
 
 
@@ -46,6 +48,21 @@ def test_the_installed_command_hands_a_mine_to_snakemake(capsys):
     with pytest.raises(SystemExit):
         arguments([])
     assert "usage: rockburst-mpm" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--configfile", "-mine.yaml"], "argument --configfile/--configfiles: expected at least one argument"),
+        (["--nonsense", "--configfile", "mine.yaml"], "unrecognized arguments: --nonsense"),
+        (["--cores", "--configfile", "mine.yaml"], "argument --cores/-c: expected one argument"),
+    ],
+)
+def test_the_installed_command_names_a_wrong_option_in_one_line(words, says, capsys):
+    """Snakemake would print all of its options first."""
+    with pytest.raises(SystemExit, match=rf"^{re.escape(says)}; a file whose name begins with - is given as \./-name$"):
+        check_options(words)
+    assert capsys.readouterr().err == ""
 
 
 def test_packages_in_the_working_directory_are_not_run(tiny_file, tmp_path):
