@@ -10,6 +10,7 @@ snakemake --cores all benchmarks                                   speed, beside
 snakemake --cores all extremes                                     random scenes at the extremes
 snakemake --cores all tradeoff                                     speed against accuracy: what each knob buys
 snakemake --cores all stability                                    the numerics driven until they break
+snakemake --cores all mine_times                                   what a mine costs, by cells and steps
 snakemake --cores all catalog_spread                               what a catalogue's spread consists of
 snakemake --cores all calibration_truth                            the demo's calibration on known truth
 """

@@ -77,6 +77,11 @@ class Studies:
             sys.exit(f"config/verification/{wildcards.study}.yaml: its rows stand in results/{answer}/table.csv")
         return package_hash(*MODEL, "verification")
 
+    def answer_threads(self, wildcards: Wildcards) -> int:
+        """Threads of a study's answer: those of the study if it has no scenes, else one; 64 takes all there are."""
+        study = self.read(wildcards.study)
+        return 1 if study.mines else study.threads
+
     def results(self, wildcards: Wildcards) -> list[str]:
         """Results of all stages of all variants of a study."""
         return self.results_of([wildcards.study])
@@ -124,6 +129,8 @@ MEASURING = {  # By the name of the target.
         uses=("tradeoff",),
         numerics=("catalogs",),
     ),
+    # Processor time and memory of shipped mines, by cells and steps.
+    "mine_times": Measuring(lambda cases: cases.studies.named("times_")[::-1], memory=4000, tables=("steps",)),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000),
     # The numerics driven until they break, one setting at a time.

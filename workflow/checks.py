@@ -32,6 +32,7 @@ RESERVED = (
     "tradeoff",
     "stability",
     "catalog_spread",
+    "mine_times",
     "calibration_truth",
 )  # folders of results
 MIN_HOURGLASS_STIFFNESS = 0.001  # a smaller one takes many more iterations; without any there is no answer

@@ -23,6 +23,7 @@ from verification.pages import (
     MAX_FIGURE_BYTES,
     OLDER,
     PAGES,
+    POINTS_OF,
     ROOT,
     check_blocks,
     draw,
@@ -53,7 +54,7 @@ def test_every_study_has_one_block_and_every_block_a_study():
     named = [match[2] for page in WRITTEN for match in BLOCK.finditer(text_of(page))]
     assert sorted(named) == sorted([INDEX, *studies()])
     files = {path.stem for path in (ROOT / "config" / "verification").glob("*.yaml")}
-    assert {name for name in files - set(named) if not name.startswith(("tradeoff_", "spread_"))} == set()
+    assert {name for name in files - set(named) if not name.startswith(POINTS_OF)} == set()
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)

@@ -1,0 +1,1 @@
+"""Processor time and memory of shipped mines by number of cells and of steps, from the logs of their stages."""
