@@ -97,7 +97,8 @@ def score_places(
     place = record["location"].values[used]
     error = np.hypot(location_errors(record)[used], cell) / np.sqrt(3.0)
     box = box_around(place, *(model.place for model in models.values()), margin=BOX_MARGIN * float(error.max()))
-    clusters = coarser_clusters(record_clusters(record, used, step)[used], record["time"].values[used])
+    known = (record["resolved"].values == 1) & (step >= 0)
+    clusters = coarser_clusters(record_clusters(record, known, step)[used], record["time"].values[used])
     gains = tuple(run_gains(model, place, step[used], error, box) for model in models.values())
     return MapScores(tuple(models), gains, step[used], clusters)
 

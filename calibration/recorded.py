@@ -104,13 +104,10 @@ def read_record(
     """
     step, potency = exposure.step(record["time"].values), record["potency"].values
     used = (step >= 0) & (record["resolved"].values == 1)
-    clusters = _clusters_by_step(record, used, step)
-    dispersion_index = exposure.dispersion_index(record["time"].values[used], clusters[used])
+    clusters = record_clusters(record, used, step)
     size = log_potency(potency)
     counted = used & (size >= cut)
-    # of clusters from which events are left out at random
-    share = counted.sum() / max(used.sum(), 1)
-    dispersion_index = 1.0 + (dispersion_index - 1.0) * float(share)
+    dispersion_index = exposure.dispersion_index(record["time"].values[used], clusters[used], counted[used])
 
     steps = len(exposure.start)
     sums = np.array([np.nansum(potency[step == index]) for index in range(steps)])
@@ -128,19 +125,6 @@ def read_record(
         mean_excess(excess),
         errors * np.sqrt(size_dispersion(excess, clusters[counted])),
     )
-
-
-def _clusters_by_step(record: xr.Dataset, used: NDArray, step: NDArray) -> NDArray:
-    """Cluster (event,) of each event that counts, used (event,) bool, found in the events of its step alone.
-
-    What a step mines sets rate and place of its events, which therefore look clustered among those of all steps.
-    """
-    labels = np.full(len(step), -1)
-    for one in np.unique(step[used]):
-        events = np.flatnonzero(used & (step == one))
-        found = record_clusters(record.isel(event=events), np.ones(len(events), bool), step[events])
-        labels[events] = labels.max(initial=-1) + 1 + found
-    return labels
 
 
 def size_errors(excess: NDArray, number: NDArray, generator: np.random.Generator) -> NDArray:

@@ -93,9 +93,11 @@ class RecordedSteps:
         used = counted & (sizes >= floor)
         dispersion_index = least_dispersion = 1.0
         if used.any():
-            clusters = record_clusters(self.record, used, step)
-            dispersion_index = exposure.dispersion_index(time[used], clusters[used])
-            least_dispersion = exposure.dispersion_index(time[used], np.arange(used.sum()))  # each event by itself
+            clusters = record_clusters(self.record, counted, step)[counted]
+            known = time[counted]
+            dispersion_index = exposure.dispersion_index(known, clusters, used[counted])
+            # each event by itself
+            least_dispersion = exposure.dispersion_index(known, np.arange(len(known)), used[counted])
 
         def table(kinds: Sequence[str], least: float) -> NDArray:
             rows = [

@@ -58,7 +58,7 @@ def compare(
     steps = [exposure.step(events["time"].values) for events in both]
     resolved = [good & (step >= 0) for good, step in zip(resolved, steps, strict=True)]
     used = [good & (value >= cut) for good, value in zip(resolved, x, strict=True)]
-    clusters = record_clusters(record, used[1], steps[1])
+    clusters = record_clusters(record, resolved[1], steps[1])
 
     summed, sums_text = sum_measures(both, used, members, clusters, cut, exposure)
     result |= summed | {
@@ -140,11 +140,14 @@ def _period_text(record: xr.Dataset, exposure: Exposure) -> str:
     )
 
 
-def record_clusters(record: xr.Dataset, used: NDArray, step: NDArray) -> NDArray:
-    """Cluster (event,) of each recorded event that counts, used (event,) bool, -1 for the others; step (event,)."""
+def record_clusters(record: xr.Dataset, known: NDArray, step: NDArray) -> NDArray:
+    """Cluster (event,) of each resolved event of the steps, known (event,) bool, -1 for the others; step (event,).
+
+    Events below the cut are among them, since small events show which of the large ones belong together.
+    """
     labels = np.full(record.sizes["event"], -1)
-    error = float(np.median(location_errors(record)[used])) if used.any() else 0.0
-    labels[used] = cluster_labels(record["time"].values[used], record["location"].values[used], step[used], error)
+    error = float(np.median(location_errors(record)[known])) if known.any() else 0.0
+    labels[known] = cluster_labels(record["time"].values[known], record["location"].values[known], step[known], error)
     return labels
 
 

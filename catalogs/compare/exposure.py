@@ -77,31 +77,33 @@ class Exposure:
             found.append(np.bincount((time[inside] - start) // DAY, minlength=count))
         return found
 
-    def dispersion_index(self, time: NDArray, clusters: NDArray) -> float:
+    def dispersion_index(self, time: NDArray, clusters: NDArray, counted: NDArray | None = None) -> float:
         """Variance of the number of events over its mean, at least 1, which is that of independent events.
 
-        time, clusters (event,): times, and clusters of `compare.blocks`. Comparison, rates, calibration and plans all
-        take the index from here. It is the larger of two values, since either may miss clustering. That of clusters is
-        `cluster_size` of the events in the exposure. That of times is the largest over windows of WINDOW_DAYS days,
-        their numbers about the mean of their own step: what a step mines sets its rate, and that is no chance. It is 1
-        where no length has a variance that independent events hardly have (CLUSTERING_SIGNIFICANCE, all lengths
-        together), or MIN_WINDOWS of them.
+        time, clusters (event,): times, and clusters of `compare.blocks`; counted (event,) bool: the events whose number
+        it is, all if not given. The others count as left out at random, by which an index less 1 loses the same share.
+        Comparison, rates, calibration and plans all take the index from here. It is the larger of two values, since
+        either may miss clustering. That of clusters is `cluster_size` of the events in the exposure. That of times is
+        the largest over windows of WINDOW_DAYS days, their numbers about the mean of their own step: what a step mines
+        sets its rate, and that is no chance. It is 1 where no length has a variance that independent events hardly have
+        (CLUSTERING_SIGNIFICANCE, all lengths together), or MIN_WINDOWS of them.
         """
-        found = [1.0, cluster_size(clusters[self.step(time) >= 0])]
+        inside = self.step(time) >= 0
+        found = [1.0, cluster_size(clusters[inside])]
+        counts = self.counts(time)
         for length in WINDOW_DAYS:
-            variance, events, windows, freedom = 0.0, 0, 0, 0
-            for days in self.counts(time):
-                count = len(days) // length
-                if count < 2:
-                    continue
-                numbers = days[: count * length].reshape(count, length).sum(axis=1)
-                variance += count * numbers.var(ddof=1)
-                events, windows, freedom = events + numbers.sum(), windows + count, freedom + count - 1
-            if windows >= MIN_WINDOWS and events:
-                ratio = float(variance / events)
-                if scipy.stats.chi2.sf(ratio * freedom, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
-                    found.append(ratio)
-        return max(found)
+            windows = [days[: len(days) // length * length].reshape(-1, length).sum(axis=1) for days in counts]
+            windows = [numbers for numbers in windows if len(numbers) > 1 and numbers.any()]
+            if sum(map(len, windows)) < MIN_WINDOWS:
+                continue
+            # of independent events chi-square, whatever the rates of the steps
+            squares = sum((len(numbers) - 1) * numbers.var(ddof=1) / numbers.mean() for numbers in windows)
+            freedom = sum(len(numbers) - 1 for numbers in windows)
+            if scipy.stats.chi2.sf(squares, freedom) < CLUSTERING_SIGNIFICANCE / len(WINDOW_DAYS):
+                variance = sum(len(numbers) * numbers.var(ddof=1) for numbers in windows)
+                found.append(float(variance / sum(numbers.sum() for numbers in windows)))
+        share = 1.0 if counted is None else float(counted[inside].sum() / max(inside.sum(), 1))
+        return 1.0 + (max(found) - 1.0) * share
 
 
 def cluster_size(clusters: NDArray) -> float:

@@ -26,7 +26,8 @@ def sum_measures(
     """Counts and summed potency, per day of exposure, their ratios with intervals and tests; and a sentence or two.
 
     both: (catalogue, record), used: which events of each count (event,); members: the model's other runs, of which
-    events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `compare.blocks`. With
+    events from `cut` (log10 m3) on count; clusters: of recorded events (event,), found by `compare.blocks`, -1
+    for those that are in none. With
     MIN_RUNS_FOR_VARIANCE runs or more the model is their mean, its chance what they differ by; else its events are
     taken to be as clustered as the record's. These are as clustered as the clusters or their times say, whichever is
     more.
@@ -35,7 +36,8 @@ def sum_measures(
     number = [float(len(values)) for values in potency]
     summed = [float(values.sum()) for values in potency]
     whole = [float(np.nansum(events["potency"].values)) for events in both]
-    dispersion_index = exposure.dispersion_index(both[1]["time"].values[used[1]], clusters[used[1]])
+    known = clusters >= 0
+    dispersion_index = exposure.dispersion_index(both[1]["time"].values[known], clusters[known], used[1][known])
     runs = [potency[0], *(_counted(member, cut, exposure) for member in members)]
     runs = runs if len(runs) >= MIN_RUNS_FOR_VARIANCE else runs[:1]
 

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from catalogs.compare.blocks import cluster_labels, rounded_to
+from catalogs.compare.comparison import record_clusters
 from catalogs.compare.exposure import Exposure
 from catalogs.sources.jackknife import effective_blocks
-from verification.answers.statistics.samples import branching_events, dated
+from verification.answers.statistics.samples import branching_events, burst_events, dated
 
 
 def clusters_of(events):
@@ -151,3 +153,74 @@ def test_pairs_closer_than_any_event_of_the_sample_of_places_are_linked():
     labels = clusters_of((days[order], location[order], None))
     together = labels[np.argsort(pair, kind="stable")].reshape(2000, 2)
     assert np.mean(together[:, 0] == together[:, 1]) > 0.95
+
+
+@pytest.mark.parametrize("steps", [[5, 60, 20], [100, 10, 300, 30], [8, 40, 3, 12, 90, 2, 30, 15, 5, 60]])
+def test_independent_events_stay_apart_whatever_their_steps_mine(steps):
+    """Steps of a month differ in rate and place: in all of them together, events would look clustered. A true
+    dispersion index is 1. Of 20 records one may lose a part by chance."""
+    generator = np.random.default_rng(11)
+    indices = []
+    for _ in range(20):
+        days, location, step = independent_steps(generator, steps)
+        labels = cluster_labels(dated(days), location, step, 10.0)
+        indices.append(months(len(steps)).dispersion_index(dated(days), labels))
+    assert np.mean(np.array(indices) > 1.0) <= 0.1
+    assert np.mean(indices) < 1.1
+
+
+def test_bursts_in_steps_of_unequal_rates_keep_their_dispersion_index():
+    """Bursts of five on average vary by 6. Where they stand close, some are joined; a whole step is not."""
+    generator = np.random.default_rng(12)
+    indices = []
+    for _ in range(8):
+        parts = [burst_events(generator, 30.0, count, 5.0, spread=100.0) for count in (4, 20, 8)]
+        days, location, step = joined([(days, location) for days, location, _ in parts])
+        labels = cluster_labels(dated(days), location, step, 1.0)
+        indices.append(months(3).dispersion_index(dated(days), labels))
+    assert 4.5 < np.median(indices) < 9.0
+
+
+def test_a_sequence_goes_on_in_the_next_step():
+    """A burst about the end of a step is one cluster."""
+    generator = np.random.default_rng(13)
+    start = np.array([4.0, 11.2, 23.4, 29.98, 39.8, 47.3, 56.2])
+    days = np.sort((start[:, None] + np.linspace(0.0, 0.04, 10)).ravel())
+    burst = np.repeat(np.arange(7), 10)
+    location = 100 * generator.normal(size=(7, 3))[burst] + 5 * generator.normal(size=(70, 3))
+    np.testing.assert_array_equal(cluster_labels(dated(days), location, (days // 30).astype(int), 1.0), burst)
+
+
+def test_events_of_all_sizes_show_which_of_the_large_ones_belong_together():
+    """Triggered events, of which the cut leaves a third. Those alone make more than twice as many clusters."""
+    generator = np.random.default_rng(3)
+    days, location, _ = branching_events(generator, 60.0, 300, 0.7)
+    size, step = generator.exponential(1.0, len(days)), (days // 30).astype(int)
+    record = xr.Dataset(
+        {"time": ("event", dated(days)), "location": (("event", "xyz"), location)}, attrs={"location_error": 5.0}
+    )
+    large = size > np.quantile(size, 2 / 3)
+    found = record_clusters(record, np.ones(len(days), bool), step)
+    alone = record_clusters(record, large, step)
+    assert (alone[~large] == -1).all()
+    worth = [effective_blocks(np.unique(one[large], return_counts=True)[1]) for one in (found, alone)]
+    assert worth[1] > 2.0 * worth[0]
+
+
+def independent_steps(generator, numbers):
+    """Events of months with these numbers expected, each 60 m from the last: as `joined`."""
+    counts = generator.poisson(numbers)
+    return joined([(np.sort(generator.uniform(0, 30, n)), 30 * generator.normal(size=(n, 3))) for n in counts])
+
+
+def joined(parts):
+    """Times in days, locations (event, 3) m and month (event,) of events given month by month, each 60 m on."""
+    step = np.repeat(np.arange(len(parts)), [len(days) for days, _ in parts])
+    days = np.concatenate([days for days, _ in parts]) + 30.0 * step
+    return days, np.concatenate([location for _, location in parts]) + 60.0 * step[:, None], step
+
+
+def months(count):
+    """Exposure to so many months of 30 days."""
+    start = dated(30.0 * np.arange(count))
+    return Exposure(start, start + np.timedelta64(30, "D"))

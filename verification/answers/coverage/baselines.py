@@ -87,9 +87,9 @@ def place_scores(case: dict, chosen: dict, generator: np.random.Generator) -> Pl
         time, place = _record(generator, case, days)
         if len(time) < 2:
             continue
-        record = xr.Dataset(
-            {"time": ("event", dated(time)), "location": (("event", "xyz"), place)}, attrs={"location_error": ERROR}
-        )
+        values = {"time": ("event", dated(time)), "location": (("event", "xyz"), place)}
+        values["resolved"] = ("event", np.ones(len(time), np.int8))
+        record = xr.Dataset(values, attrs={"location_error": ERROR})
         models = {name: law.draw(generator, steps, law.runs) for name, law in laws.items()}
         scores = score_places(models, record, np.ones(len(time), bool), exposure, CELL)
         if not scores.has_intervals:
