@@ -108,8 +108,8 @@ def _check_names(table: Table, columns: Sequence[str], zone: str | None, local: 
             continue
         if zone is None:
             raise InputError(
-                f"{table.source}: column {name!r}: {local} times without an offset are of this zone by the column's "
-                f"name; say it with record.time_zone: '{text}', or UTC if they are that"
+                f"{table.source}: column {name!r}: {local} time{'s' * (local != 1)} without an offset, of this zone by "
+                f"the column's name; say it with record.time_zone: '{text}', or UTC if they are that"
             )
         if fixed_offset(zone) not in (None, fixed_offset(text)):
             raise InputError(
@@ -134,7 +134,9 @@ def _check_names(table: Table, columns: Sequence[str], zone: str | None, local: 
             f"{table.source}: column {columns[0]!r}: are its times local or UTC? Column {other!r} is there, too; {ask}"
         )
     logging.warning(
-        "%s: %d times have no zone: read as UTC; give record.time_zone if they are local", table.source, local
+        "%s: %s no zone: read as UTC; give record.time_zone if they are local",
+        table.source,
+        "1 time has" if local == 1 else f"{local} times have",
     )
 
 

@@ -143,7 +143,9 @@ def read(settings: RecordSlice) -> xr.Dataset:
     moment = frame["Moment Total"].to_numpy(float)
     if not (moment > 0).all():
         bad = int((~(moment > 0)).sum())
-        raise InputError(f"{folder}: ims_events: {bad} events without a positive Moment Total; remove them")
+        raise InputError(
+            f"{folder}: ims_events: {bad} event{'s' * (bad != 1)} without a positive Moment Total; remove what has none"
+        )
     rigidity = settings.rigidity or DEFAULT_RIGIDITY
     attributes = {
         "mine": settings.mine or "elk_creek",
@@ -295,7 +297,9 @@ def _read_parquet(folder: Path, columns: list[str]) -> pd.DataFrame:
     frame["time"] = _utc(frame[DATE], folder)
     if frame["time"].isna().any() or frame[COORDINATES].isna().any(axis=None):
         bad = int((frame["time"].isna() | frame[COORDINATES].isna().any(axis=1)).sum())
-        raise InputError(f"{folder}: {bad} events without a date or with NaN locations; remove them")
+        raise InputError(
+            f"{folder}: {bad} event{'s' * (bad != 1)} without a date or with NaN locations; remove what lacks one"
+        )
     return frame.sort_values("time", kind="stable", ignore_index=True)
 
 

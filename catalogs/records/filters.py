@@ -203,7 +203,7 @@ def _whole_events(
     if seismic and not kept.any():  # blasts alone are a record of a quiet volume
         causes = ", ".join(f"{count} {what}" for what, count in dropped.items())
         keep = "; record.filter.keep counts what it names" if other else ""
-        raise InputError(f"{source}: none of its {len(kept)} events has a time, a place and a size ({causes}){keep}")
+        raise InputError(f"{source}: no event of {len(kept)} has a time, a place and a size ({causes}){keep}")
     return kept, dropped
 
 
@@ -235,7 +235,7 @@ def _other_ground(events: xr.Dataset, box: tuple[np.ndarray, np.ndarray], source
     ]
     model = [f"{axis} {low:.0f} to {high:.0f}" for axis, low, high in zip("xyz", *box, strict=True) if low > -np.inf]
     return (
-        f"{source}: none of its {len(location)} events lies in the model's domain ({', '.join(model)} m): they lie at "
+        f"{source}: no event of {len(location)} lies in the model's domain ({', '.join(model)} m): they lie at "
         f"{', '.join(ranges)} m; check record.columns, their units, and frame"
     )
 

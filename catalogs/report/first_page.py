@@ -78,9 +78,14 @@ def _picture(evidence: Evidence, gallery: Gallery) -> dict:
     ]
     largest = _largest(evidence)
     label, worst = worst_openings(evidence)
-    names = {index: rows[index].name for index in worst}
+    numbers = {row.name: index for index, row in enumerate(rows)}
+    first = dict.fromkeys(numbers[place.opening] for place in look_first(evidence))
+    named = [*first, *(index for index in worst if index not in first)][:MAX_NAMED_OPENINGS]
+    names = {index: rows[index].name for index in named}
     drawn = first_page(evidence.grid, _openings(evidence), focus, evidence.planned, largest, names)
-    return gallery.add("first_page", drawn) | {"caption": _caption(evidence, focus, largest, label, len(worst))}
+    return gallery.add("first_page", drawn) | {
+        "caption": _caption(evidence, focus, largest, label, (len(first), len(named)))
+    }
 
 
 def _bars(evidence: Evidence, gallery: Gallery, lines: Sequence[StepLine]) -> dict:
@@ -137,12 +142,16 @@ def _openings(evidence: Evidence) -> list[Mined]:
 
 
 def _caption(
-    evidence: Evidence, focus: Sequence[int], largest: dict[str, tuple[str, xr.Dataset]], label: str, named: int
+    evidence: Evidence,
+    focus: Sequence[int],
+    largest: dict[str, tuple[str, xr.Dataset]],
+    label: str,
+    named: tuple[int, int],
 ) -> str:
     """Caption of the picture: the events drawn, the number of those beyond its edges, and which openings are named.
 
-    largest: by label of the catalogue, the colour and the events to be drawn; named: number of openings with most
-    potency in the catalogue of this label.
+    largest: by label of the catalogue, the colour and the events to be drawn; named: number of openings to look at
+    first, and with those that have most potency in the catalogue of this label.
     """
     drawn = {label: events for label, (_, events) in largest.items() if events.sizes["event"]}
     if not drawn:
@@ -156,9 +165,11 @@ def _caption(
     box, places = box_of(evidence.grid, focus), [events["location"].values for events in drawn.values()]
     outside = 0 if box is None else sum(int((~within_reach(place, *box)).sum()) for place in places)
     text += f" {plural(outside, 'event')} farther away not shown." if outside else ""
-    openings = "The opening" if named == 1 else f"The {named} openings"
-    potency = f"{label.lower().replace(' (twin)', '')} potency"
-    return text + (f" {openings} with most {potency} nearby {'is' if named == 1 else 'are'} named." if named else "")
+    first, more = named[0], named[1] - named[0]
+    said = [plural(first, "opening") + " to look at first"] if first else []
+    potency = f"{label.lower().replace(' (twin)', '')} potency nearby"
+    said += [(f"{more} more" if said else plural(more, "opening")) + f" with most {potency}"] if more else []
+    return text + (f" Named: {' and '.join(said)}." if said else "")
 
 
 def _largest(evidence: Evidence) -> dict[str, tuple[str, xr.Dataset]]:

@@ -17,10 +17,13 @@ MIN_SHARE = 0.01  # Of a catalogue's potency; a smaller share is not worth a num
 
 @dataclass(frozen=True)
 class Place:
-    """An opening in a step, and a sentence on the potency of the events nearest to it in that step."""
+    """An opening, the step that mines it, a step with events, whose most potency that is (the model's, the record's or
+    both), and a sentence on the potency of the events nearest to the opening in the step of the events."""
 
     opening: str
+    mined: str
     step: str
+    source: str
     text: str
 
 
@@ -34,10 +37,15 @@ def look_first(evidence: Evidence) -> list[Place]:
     tables = {label: _by_place(evidence, events, counted[label]) for label, events in shown.items()}
     modelled = tables.get(MODEL_LABEL, {})
     keys = sorted(modelled, key=lambda place: -modelled[place][0])[:MAX_PLACES]
+    found = dict(zip(keys, ("most in the model", "second in the model"), strict=False))
     for label, table in tables.items():
-        if label != MODEL_LABEL and table and (place := max(table, key=lambda one: table[one][0])) not in keys:
-            keys = [*keys[: MAX_PLACES - 1], place]
-    return [_place(evidence, key, tables) for key in keys]
+        if label != MODEL_LABEL and table:
+            place = max(table, key=lambda one: table[one][0])
+            if place not in found:
+                found = dict([*list(found.items())[: MAX_PLACES - 1], (place, "most in the record")])
+            else:
+                found[place] += ", most in the record"
+    return [_place(evidence, key, source, tables) for key, source in found.items()]
 
 
 def _by_place(evidence: Evidence, events: xr.Dataset, counted: NDArray) -> dict[tuple[int, int], tuple[float, float]]:
@@ -54,7 +62,7 @@ def _by_place(evidence: Evidence, events: xr.Dataset, counted: NDArray) -> dict[
     }
 
 
-def _place(evidence: Evidence, key: tuple[int, int], tables: dict[str, dict]) -> Place:
+def _place(evidence: Evidence, key: tuple[int, int], source: str, tables: dict[str, dict]) -> Place:
     parts = []
     for label, table in tables.items():
         share, largest = table.get(key, (0.0, np.nan))
@@ -63,4 +71,5 @@ def _place(evidence: Evidence, key: tuple[int, int], tables: dict[str, dict]) ->
         if np.isfinite(largest):
             text += f", largest event Mw {fixed(magnitude(largest, shear_modulus(evidence)), 1)}"
         parts.append(text)
-    return Place(evidence.excavations[key[0]].name, str(evidence.steps[key[1]]["step"]), "; ".join(parts))
+    opening = evidence.excavations[key[0]]
+    return Place(opening.name, opening.step, str(evidence.steps[key[1]]["step"]), source, "; ".join(parts))

@@ -2,6 +2,7 @@
 
 import re
 from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Decimal
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ DASH = "–"  # Stands for a value that is not known.
 NEAREST, DOWN, UP = ROUND_HALF_EVEN, ROUND_FLOOR, ROUND_CEILING
 EXACT_DIGITS = 12  # Digits of a number that are no round-off.
 MIN_RATIO_AS_DECIMAL = 0.2  # Smaller ratios are written as 1/n.
+LEAST_OF_LAST_DIGIT = 3.5  # Units of the last digit that half an interval has at least.
 MAX_NAMED = 5  # Excavations that one sentence names.
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -84,6 +86,24 @@ def between(interval, form=number) -> str:
     if np.isfinite(low) and high == np.inf:
         return f"{form(low, rounding=DOWN)} or more"
     return f"{form(low, rounding=DOWN)} to {form(high, rounding=UP)}" if np.isfinite([low, high]).all() else DASH
+
+
+def rounded_by(value: float, interval) -> tuple[str, str]:
+    """A value and its 95 % interval, which holds it, to the digits that the interval leaves: half its width has 4 to 35
+    of the last one (as the Particle Data Group rounds). The ends are rounded outwards.
+
+    >>> rounded_by(6.04, (0.0, 204.3)), rounded_by(6.04, (0.0, 14.4))
+    (('10', '0 to 210'), ('6', '0 to 15'))
+    """
+    low, high = (float(end) for end in interval)
+    if not (np.isfinite([value, low, high]).all() and high > low):
+        return number(value, 2), between(interval, partial(number, digits=2))
+    place = int(np.floor(np.log10((high - low) / (2.0 * LEAST_OF_LAST_DIGIT))))
+
+    def form(one: float, rounding: str = NEAREST) -> str:
+        return f"{_rounded(one, place, rounding) + 0:,.{max(-place, 0)}f}".replace(",", "\u202f").replace("-", "−")
+
+    return form(float(value)), between(interval, form)
 
 
 def beside(value: float, interval, form=number) -> tuple[str, str]:

@@ -100,7 +100,10 @@ def _increments(evidence: Evidence) -> Source:
     if not np.isfinite(share):
         return Source("Increments of mining", np.nan, f"not known of this scheme{patches}", advice)
     return Source(
-        "Increments of mining", 1.0 + share, f"too large by a factor of up to {_factor(1.0 + share)}{patches}", advice
+        "Increments of mining",
+        1.0 + share,
+        f"potency is too large by a factor of up to {_factor(1.0 + share)}{patches}",
+        advice,
     )
 
 

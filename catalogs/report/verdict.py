@@ -25,6 +25,7 @@ from catalogs.report.text import (
     magnitude,
     number,
     percent,
+    rounded_by,
     whole,
 )
 from catalogs.settings import ComparisonSettings
@@ -44,12 +45,12 @@ MAX_NOTICED = {  # In the same way, larger differences only: of b, of places (m)
     "shift": 1000.0,
     "mechanism_turn": KAGAN_LIMIT,
 }
-BLIND = {  # differences that no test would have noticed
-    "event_ratio": "number",
-    "potency_ratio": "potency",
-    "b_difference": "b",
-    "shift": "places",
-    "mechanism_turn": "direction",
+BLIND = {  # what no test would have noticed: on the lower side, and on the upper one
+    "event_ratio": ("too few events", "too many events"),
+    "potency_ratio": ("too little potency", "too much potency"),
+    "b_difference": ("another b", "another b"),
+    "shift": ("other places", "other places"),
+    "mechanism_turn": ("another direction", "another direction"),
 }
 TESTS = ("event_ratio", "potency_ratio", "b_difference", "energy", "mechanism_turn")  # QUESTIONS of them at most
 RANDOM_TURN, RARE_TURN = 75, 35  # degrees: mean and 0.05 quantile of the angle between random mechanisms (Kagan 1991)
@@ -222,9 +223,10 @@ def _places(evidence: Evidence) -> list[str]:
     if not np.isfinite(chance):
         return []
     apart, interval = float(comparison["centroid_distance"]), comparison["centroid_distance_interval"].values
+    middle, ends = rounded_by(apart, interval)
     return [
-        f"Step by step, the middle of its events is {number(apart, 2)} m from that of recorded ones (95 %: "
-        f"{between(interval, partial(number, digits=2))} m). Their places differ by {_judged(chance)}."
+        f"Step by step, the middle of its events is {middle} m from that of recorded ones (95 %: {ends} m). Their "
+        f"places differ by {_judged(chance)}."
     ]
 
 
@@ -264,19 +266,19 @@ def _noticed(evidence: Evidence) -> list[str]:
     values = {name: float(comparison[f"{name}_noticed"]) for name in forms}
     seen = {name: _is_noticeable(name, value) for name, value in values.items() if not np.isnan(value)}
     noticed = [words.format(form(values[name])) for name, (words, form) in forms.items() if seen.get(name)]
-    blind = [BLIND[name] for name in seen if not seen[name]]
+    blind = [BLIND[name][int(values[name] > 1.0)] for name in seen if not seen[name]]
     text = []
     if noticed:
-        text.append(f"In 4 of 5 cases the tests would have noticed {_listed(noticed, 'or')}")
+        text.append(f"In 4 of 5 cases the tests would have noticed {_listed(noticed, 'or')}.")
     if blind:
-        events = "So few events would have shown" if not noticed else "but"
-        text.append(f"{events} no difference in {_listed(blind, 'or')}")
+        tests = "They" if noticed else "The tests"
+        text.append(f"{tests} could not have noticed {_listed(blind, 'or')}: events, or clusters of them, are too few.")
     if not text:
         return []
-    few_runs = ""
+    text.append(_levels(comparison))
     if not np.isfinite(comparison["energy_distance_interval"]).all():
-        few_runs = " The model's chance is taken to be the record's, since too few runs show it."
-    return [f"{', '.join(text)}. {_levels(comparison)}{few_runs}"]
+        text.append("How far other runs of the model would differ is taken from the record.")
+    return [" ".join(text)]
 
 
 def _is_noticeable(name: str, value: float) -> bool:
@@ -320,7 +322,7 @@ def _cannot(evidence: Evidence) -> str:
     if comparison is not None and comparison["events_above_cut"].values.all():
         oriented = bool(int(comparison.attrs.get("axes_present", 0)))
         if not np.isfinite(comparison["b_difference_p_value"]):
-            found.append("whether the share of large events is the recorded one")
+            found.append("whether its b of potency is the recorded one")
         if not np.isfinite(comparison["energy_p_value"]):
             found.append("whether places agree")
         if oriented and not np.isfinite(comparison["mechanism_turn"]):

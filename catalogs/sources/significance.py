@@ -1,6 +1,6 @@
 """Level and power of the tests of a report's first page.
 
-The page asks QUESTIONS: whether model and record differ in number, potency, share of large events, places and
+The page asks QUESTIONS: whether model and record differ in number, potency, b of potency, places and
 directions. Each test has the level SIGNIFICANCE / QUESTIONS (Bonferroni), so that of the models that are right in all
 of them a share of SIGNIFICANCE at most is said to differ in any.
 """

@@ -4,7 +4,7 @@ Nothing here is mechanics: stresses and strains are plausible shapes, so that th
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from catalogs.compare.comparison import compare
 from catalogs.report.evidence import DATASETS, Evidence, read_evidence
 from catalogs.report.page import write_report
+from catalogs.report.verdict import verdict
 from catalogs.settings import ReportSlice
 from common.datasets import write_dataset
 from common.event_table import new_catalog
@@ -360,3 +361,24 @@ def make_page(mine: Mine, folder: Path, **changes) -> Page:
     output = folder / "report.html"
     write_page(**mine.arguments(output=output, figures=folder / "figures", **changes))
     return Page(output.read_text())
+
+
+def dated_steps() -> dict:
+    """Settings of a comparison in the dated steps."""
+    steps = [{"name": name, "start": start, "end": end} for name, start, end, dated in STEPS if dated]
+    return {"resamplings": 99, "steps": steps}
+
+
+def compared(evidence: Evidence, **values) -> Evidence:
+    """With other numbers in the comparison; attributes where they are text or one of its attributes."""
+    comparison = evidence.comparison.copy(deep=True)
+    for name, value in values.items():
+        if name in comparison.attrs:
+            comparison.attrs[name] = value
+        else:
+            comparison[name] = (comparison[name].dims, np.asarray(value, comparison[name].dtype))
+    return replace(evidence, comparison=comparison)
+
+
+def said(evidence: Evidence) -> str:
+    return " ".join(verdict(evidence))

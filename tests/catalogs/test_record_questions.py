@@ -32,6 +32,9 @@ def test_times_without_a_zone_are_told_on_the_terminal(tmp_path, caplog):
     read(tmp_path, table())
     assert "record.csv: 6 times have no zone: read as UTC; give record.time_zone if they are local" in caplog.text
     caplog.clear()
+    read(tmp_path, table().splitlines()[0] + "\n" + table().splitlines()[1] + "\n")
+    assert "record.csv: 1 time has no zone: read as UTC" in caplog.text
+    caplog.clear()
     read(tmp_path, table(), time_zone="UTC")
     read(tmp_path, *named("Origin Time (UTC)"))
     read(tmp_path, table().replace("06:00:00", "06:00:00Z"))

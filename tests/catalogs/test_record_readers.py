@@ -197,7 +197,7 @@ def test_a_section_reaches_through_the_direction_that_it_has_not(tmp_path, plane
 def test_a_record_of_other_ground_is_refused_with_both_places(tmp_path):
     """No event of the whole file inside: a wrong frame, column or unit, told with what lies where."""
     domain = {"lower": [500_000, 100, 0], "upper": [500_100, 250, 400], "plane": None}
-    with pytest.raises(InputError, match=r"none of its 3 events .*x 500000 to 500100.* x 100 to 120, .* frame"):
+    with pytest.raises(InputError, match=r"no event of 3 .*x 500000 to 500100.* x 100 to 120, .* frame"):
         read_record(settings_for(tmp_path, domain=domain))
 
 

@@ -48,7 +48,7 @@ def test_the_first_page_needs_no_other_page_to_be_understood(page):
 
 
 def test_the_caption_of_the_first_picture_says_whose_potency_names_openings(page):
-    assert " with most modelled potency nearby " in page.sections["first"]
+    assert " to look at first and " in page.sections["first"]
 
 
 def test_numbers_of_the_datasets_reach_the_page(page, mine):

@@ -83,7 +83,8 @@ def test_banner_names_excavations_whose_fill_holds_no_walls(mine, tmp_path):
     evidence = fixtures.evidence_of(**arguments)
     (found,) = [one for one in banners(evidence) if "Fill does not hold" in one.text]
     assert found.text.startswith("Fill does not hold the walls of 1 of 1 filled excavation, at 30 nodes: stope_1.")
-    assert found.brief == "fill holds no walls in 1 of 1 filled excavation (fewer than 4 cells across)"
+    brief = "cells too large for fill to touch the walls of 1 of 1 filled excavation"
+    assert found.brief == f"{brief} (the grid's limit, not the mine's)"
     assert found.mend.code == "grid.finest_cell: 2 m"  # two cells of 4 m are 8 m
     assert [row.unheld for row in evidence.excavations] == [0, 30, 0, 0]
     assert not [one for one in banners(fixtures.evidence_of(**mine.arguments())) if "Fill does" in one.text]

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from catalogs.report.text import DOWN, UP, as_ratio, beside, between, fixed, number, percent
+from catalogs.report.text import DOWN, UP, as_ratio, beside, between, fixed, number, percent, rounded_by
 
 
 @pytest.mark.parametrize(
@@ -49,3 +49,12 @@ def test_an_end_that_is_rounded_outwards_is_beyond_the_end():
 )
 def test_a_value_outside_of_an_interval_looks_so(value, interval, texts):
     assert beside(value, interval, partial(number, digits=2)) == texts
+
+
+def test_values_are_rounded_by_their_interval():
+    """Half an interval has 4 to 35 of the last digit; its ends are rounded outwards."""
+    assert rounded_by(6.02, (0.0, 204.4)) == ("10", "0 to 210")
+    assert rounded_by(6.02, (0.0, 14.4)) == ("6", "0 to 15")
+    assert rounded_by(6.02, (4.61, 7.43)) == ("6.0", "4.6 to 7.5")
+    assert rounded_by(1234.0, (0.0, 99_999.0)) == ("0", "0 to 100\u202f000")
+    assert rounded_by(6.02, (np.nan, np.nan)) == ("6.0", "–")

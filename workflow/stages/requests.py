@@ -40,7 +40,7 @@ def twin(job: Job) -> None:
     from common.event_table import read_events
 
     count = write_twin(read_events(job.input("catalog")), **job.settings, path=job.output())
-    logging.info("%d events", count)
+    logging.info("%d event%s", count, "s" * (count != 1))
 
 
 @stage("mpm_core")

@@ -16,7 +16,7 @@ from catalogs.figures import style
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from catalogs.report.sections import section_number
-from catalogs.report.text import DASH, MAX_NAMED, fixed, number, percent, whole
+from catalogs.report.text import DASH, MAX_NAMED, fixed, number, percent, plural, whole
 from catalogs.settings import ALL_STEPS
 
 # A larger share of the potency in rock that an increment brings to failure at once makes the events depend on the
@@ -75,7 +75,7 @@ def discretisation(evidence: Evidence) -> list[str]:
     if np.isfinite(table.attrs["floor"]):
         events = every["events"].values
         floor = fixed(float(table.attrs["floor"]), 1)
-        text += f", with {whole(events[1])} events of log P {floor} and more (here {whole(events[0])})"
+        text += f", with {plural(events[1], 'event')} of log P {floor} and more (here {whole(events[0])})"
     errors = [float(every[f"{name}_error"]) for name in ("potency", "failed_volume")]
     if not max(errors) <= MAX_ERROR_SHARE:
         text += f". Cells of {own} m are too large to say how far these numbers would still change: halve "

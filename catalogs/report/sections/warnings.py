@@ -149,12 +149,13 @@ def _unheld_fill(evidence: Evidence, rows: list[ExcavationRow], size: str, mend:
     count = f"{whole(len(unheld))} of {plural(len(filled), 'filled excavation')}"
     text = (
         f"Fill does not hold the walls of {count}, at {plural(sum(row.unheld for row in unheld), 'node')}: "
-        f"{_named([row.name for row in unheld])}. These are fewer than {CELLS_ACROSS_FILL} cells across. Their walls "
+        f"{_named([row.name for row in unheld])}. This is a limit of the grid, not of the mine: these are fewer than "
+        f"{CELLS_ACROSS_FILL} cells across. Their walls "
         "moved apart while they stood open, and fill that was placed later moves with one of them. Rock fails there as "
         f"if they were still open. {f'Use cells of {size} m or less, or fill' if size else 'Fill'} in the step that "
         "mines."
     )
-    brief = f"fill holds no walls in {count} (fewer than {CELLS_ACROSS_FILL} cells across)"
+    brief = f"cells too large for fill to touch the walls of {count} (the grid's limit, not the mine's)"
     return Banner("truncated", text, brief, mend)
 
 
