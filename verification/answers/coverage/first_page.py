@@ -91,12 +91,13 @@ STATED: dict[str, tuple[str, str, Callable[[float], Wrong]]] = {  # by kind: que
 
 
 def _power(case: dict, chosen: dict, kind: str, right: list, seed: list[int], least: float) -> Row:
-    """Row of the share of wrong models whose own sentence says so; they are as wrong as the median page can notice."""
+    """Row of the share of wrong models whose own sentence says so; they are as wrong as the median page says that it
+    can notice, of those that say so."""
     question, variable, model = STATED[kind]
-    stated = float(np.median([float(evidence.comparison[variable]) for evidence, _ in right]))
+    stated = float(np.nanmedian([float(evidence.comparison[variable]) for evidence, _ in right]))
     wrong = model(stated)
     if kind == "b":  # as many events that count
-        wrong = replace(wrong, times=10.0 ** (stated * np.median([float(one.comparison["cut"]) for one, _ in right])))
+        wrong = replace(wrong, times=10.0 ** (stated * np.nanmedian([float(one.comparison["cut"]) for one, _ in right])))
     drawn = max(chosen["catalogues"] // 2, 1)
     found = pages(case, chosen | {"catalogues": drawn}, wrong, seed)
     share = float(np.mean([question in condemned(sentences) for _, sentences in found]))
