@@ -97,7 +97,8 @@ def _power(case: dict, chosen: dict, kind: str, right: list, seed: list[int], le
     stated = float(np.nanmedian([float(evidence.comparison[variable]) for evidence, _ in right]))
     wrong = model(stated)
     if kind == "b":  # as many events that count
-        wrong = replace(wrong, times=10.0 ** (stated * np.nanmedian([float(one.comparison["cut"]) for one, _ in right])))
+        cut = float(np.nanmedian([float(evidence.comparison["cut"]) for evidence, _ in right]))
+        wrong = replace(wrong, times=10.0 ** (stated * cut))
     drawn = max(chosen["catalogues"] // 2, 1)
     found = pages(case, chosen | {"catalogues": drawn}, wrong, seed)
     share = float(np.mean([question in condemned(sentences) for _, sentences in found]))
