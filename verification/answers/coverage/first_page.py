@@ -86,7 +86,7 @@ STATED: dict[str, tuple[str, str, Callable[[float], Wrong]]] = {  # by kind: que
     "shift": ("places", "shift_noticed", lambda value: Wrong(shift=value)),
     "turn": ("directions", "mechanism_turn_noticed", lambda value: Wrong(turn=value)),
     "b": ("sizes", "b_difference_noticed", lambda value: Wrong(b_more=value)),
-    "number": ("number and potency", "event_ratio_noticed", lambda value: Wrong(times=max(value, 1.0 / value))),
+    "number": ("number and potency", "event_ratio_noticed", lambda value: Wrong(times=value)),
 }
 
 
@@ -94,7 +94,10 @@ def _power(case: dict, chosen: dict, kind: str, right: list, seed: list[int], le
     """Row of the share of wrong models whose own sentence says so; they are as wrong as the median page says that it
     can notice, of those that say so."""
     question, variable, model = STATED[kind]
-    stated = float(np.nanmedian([float(evidence.comparison[variable]) for evidence, _ in right]))
+    values = np.array([float(evidence.comparison[variable]) for evidence, _ in right])
+    if kind == "number":  # pages of models with fewer events than the record state a factor below 1
+        values = values[values > 1.0]
+    stated = float(np.nanmedian(values))
     wrong = model(stated)
     if kind == "b":  # as many events that count
         cut = float(np.nanmedian([float(evidence.comparison["cut"]) for evidence, _ in right]))
