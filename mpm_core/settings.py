@@ -202,9 +202,6 @@ class SolverSettings(Settings):
     """Coefficient of local damping (Cundall) of the explicit scheme, usually 0.7 to 0.85."""
     density_scaling: bool = True
     """Whether the explicit scheme scales densities so that all cells share one time step. Weights stay true."""
-    hourglass: real_number(ge=0, le=1) = 0.05
-    """Share kappa of the Flanagan-Belytschko hourglass stiffness, 0.001 to 1, in cells with one particle per
-    material."""
     move: bool = False
     """Whether particles move through the grid. This needs scheme `explicit`, several particles per cell, and cut_cells
     `whole` or `subdivide`."""

@@ -35,7 +35,6 @@ RESERVED = (
     "mine_times",
     "calibration_truth",
 )  # folders of results
-MIN_HOURGLASS_STIFFNESS = 0.001  # a smaller one takes many more iterations; without any there is no answer
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]\d+)?")
 MAX_COARSE_CELLS = 10**9  # the finer ones come on top
@@ -343,14 +342,7 @@ def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
     solver, grid = mine.settings.solver, mine.settings.grid
     count, is_mean = grid.particles_per_cell, grid.cut_cells == "mean"
     fewest = 1 if is_mean else count
-    others = ", or more grid.particles_per_cell" + (" and grid.cut_cells: whole or subdivide" if is_mean else "")
     stiff = {name: material.poisson_ratio for name, material in mine.settings.materials.items()}
-    with mistakes.gather():
-        if solver.hourglass < MIN_HOURGLASS_STIFFNESS and fewest == 1:
-            raise InputError(
-                f"solver.hourglass: {solver.hourglass:g} leaves cells of one particle without stiffness against "
-                f"hourglass patterns; use {MIN_HOURGLASS_STIFFNESS:g} to 1{others}"
-            )
     for name, ratio in stiff.items():
         with mistakes.gather():
             if count > 1 and ratio > MAX_POISSON_SHARED_CELL:
@@ -359,7 +351,10 @@ def _check_solver(mine: Mine, mistakes: Mistakes) -> None:
                     f"deform; use at most {MAX_POISSON_SHARED_CELL:g}, or grid.particles_per_cell: 1"
                 )
     if solver.move and fewest == 1:
-        raise InputError("solver.move: a lone particle must rest where it is" + others.replace(", or", "; use"))
+        cut_cells = " and grid.cut_cells: whole or subdivide" if is_mean else ""
+        raise InputError(
+            f"solver.move: a lone particle must rest where it is; use more grid.particles_per_cell{cut_cells}"
+        )
     if solver.move and solver.scheme != "explicit":
         raise InputError("solver.move: particles move with scheme explicit only; set solver.scheme: explicit")
 

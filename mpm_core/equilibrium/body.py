@@ -35,7 +35,7 @@ from mpm_core.kernels.nodal_operations import (
 )
 from mpm_core.kernels.stress_update import make_update, record_flow_start, undo_flow
 from mpm_core.model.model import Model
-from mpm_core.model.particles import hourglass_modulus
+from mpm_core.model.particles import bending_stiffness
 from mpm_core.model.state import State, restore
 
 TIME_STEP_SHARE = 0.98  # The time step is this share of the damped limit, which is 1 / sqrt(1 + c) of the undamped one.
@@ -96,7 +96,7 @@ class Body:
         self.free = model.free_motions(self.attached)
         # stiffness that an intact particle gives its cell, N/m; 0 where it has company
         alone = np.repeat(np.diff(particles.group_start) == 1, np.diff(particles.group_start))
-        hourglass = 4.0 * model.scene.solver.hourglass * hourglass_modulus(lame, shear) * volume / size**2
+        hourglass = bending_stiffness(lame, shear) * volume / size**2
         self.particle_hourglass = np.where(alone, hourglass, 0.0)
         self.intact_hourglass = np.bincount(particles.cell, self.particle_hourglass, minlength=len(model.cell_nodes))
         self.set_failed()

@@ -91,9 +91,8 @@ class MultigridScheme:
         if self.softened is None:  # new volumes
             # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
             cells = elastic_cells(self.model, self.body.volume, self.body.intact_hourglass)
-            kappa = self.model.scene.solver.hourglass if self.body.particle_hourglass.any() else np.inf
             free = list(self.body.free.at(self.model.node_position)) if self.body.free.count else []
-            self.solver.set_stiffness(cells, kappa, free)
+            self.solver.set_stiffness(cells, free)
             self.softened = np.zeros(len(self.body.hourglass), bool)
         failed = np.zeros(len(self.softened), bool)
         failed[self.model.particles.cell[self.body.flowing]] = True

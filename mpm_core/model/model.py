@@ -84,7 +84,7 @@ class Model:
     @cached_property
     def step_stiffness(self) -> np.ndarray:
         """(particle,) Pa: what bounds the time step of the explicit scheme, see particles.step_stiffness."""
-        return step_stiffness(self.particles, self.elastic_constants, self.scene.solver.hourglass)
+        return step_stiffness(self.particles, self.elastic_constants)
 
     @cached_property
     def node_position(self) -> np.ndarray:

@@ -23,10 +23,6 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, ROCK_OWNER, Changes, Pieces
 from mpm_core.scene.scene import Scene
 
-# The hourglass stiffness counts lambda up to this multiple of mu, its value at Poisson's ratio 0.45. All of lambda
-# would hold the bending that nearly incompressible rock needs to move.
-MAX_HOURGLASS_LAME = 9.0
-
 
 @dataclass(frozen=True)
 class Particles:
@@ -296,16 +292,20 @@ def _added(sums):
     return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]))
 
 
-def hourglass_modulus(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
-    """Modulus (k,) Pa that hourglass stiffness is in proportion to: lambda + 2 mu, lambda <= MAX_HOURGLASS_LAME mu."""
-    return np.minimum(lame, MAX_HOURGLASS_LAME * shear) + 2.0 * shear
+def bending_stiffness(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
+    """Stiffness (k,) Pa against an hourglass mode, times h^2 / V: that with which a cell bends as a plate does.
+
+    The mode with amplitude a at the corners has the strain e_x = 4 a y / h^2, and e_y follows freely. A plate's modulus
+    is E' = E / (1 - nu^2) = 4 mu (lambda + mu) / (lambda + 2 mu), and its energy E' e_x^2 / 2 is on average
+    2 E' a^2 / (3 h^2), or 1/2 (4 E' / 3) (a / h)^2. No shear takes part, as it would in a cell with more points. E' stays
+    finite where volume is constant. (Belytschko and Bindeman 1993: assumed strain with physical stabilisation.)
+    """
+    return 16.0 / 3.0 * shear * (lame + shear) / (lame + 2.0 * shear)
 
 
-def step_stiffness(particles: Particles, elastic_constants: np.ndarray, hourglass: float) -> np.ndarray:
+def step_stiffness(particles: Particles, elastic_constants: np.ndarray) -> np.ndarray:
     """Stiffness (particle,) Pa that bounds the time step: that of dilation, more for particles off their cells'
-    centres.
-
-    elastic_constants (material, 2) lambda, mu, Pa; hourglass: share kappa of the hourglass stiffness.
+    centres. elastic_constants (material, 2): lambda, mu, Pa.
     """
     lame, shear = elastic_constants[particles.material].T
     stiffness = particles.xi.shape[1] * lame + 2.0 * shear
@@ -313,7 +313,7 @@ def step_stiffness(particles: Particles, elastic_constants: np.ndarray, hourglas
     stiffness[lone] /= 1.0 - np.abs(particles.xi[lone]).max(axis=1, initial=0.0) ** 2
     own = np.flatnonzero(particles.group_table >= particles.shared_rows)
     first = particles.group_start[own]
-    share = hourglass * hourglass_modulus(lame[first], shear[first]) / stiffness[first]
+    share = 0.25 * bending_stiffness(lame[first], shear[first]) / stiffness[first]
     rows = particles.group_table[own]
     stiffness[first] *= own_stiffening(particles.modes[rows], particles.slopes[rows], share)
     return stiffness

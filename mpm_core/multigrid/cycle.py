@@ -2,9 +2,8 @@
 
 What a smoother must damp is every motion that the next coarser grid cannot show, those of about two cells' length.
 The stiffest is the plane compression wave, whose eigenvalue is 1 (Level.set_constants). The slowest is a shear wave,
-m / (l + 2 m) of it, or an hourglass pattern, of which the share is kappa. A polynomial of degree DEGREE_FACTOR sqrt(c)
-over the part 1 / (EIGENVALUE_SPREAD c) to 1 of the spectrum keeps the number of iterations nearly constant, where 1 / c
-is the slower of both: (l + 2 m) / m, or MIN_HOURGLASS_RATIO / kappa.
+1 / c = m / (l + 2 m) of it; what holds hourglass patterns is stiffer. A polynomial of degree DEGREE_FACTOR sqrt(c) over
+the part 1 / (EIGENVALUE_SPREAD c) to 1 of the spectrum keeps the number of iterations nearly constant.
 """
 
 import math
@@ -21,17 +20,11 @@ DEGREE_FACTOR = {2: 2.4, 3: 1.2}
 """Degree of the smoother's polynomial over sqrt(c), by dimension."""
 EIGENVALUE_SPREAD = 5.0  # The smoother works on eigenvalues down to 1 / (EIGENVALUE_SPREAD c).
 MAX_EIGENVALUE = 1.05  # The smoother works on eigenvalues up to this multiple of the largest one of a uniform grid.
-MIN_HOURGLASS_RATIO = 0.15  # c is at least this over the share kappa of the hourglass stiffness.
 FLOW_STIFFNESS_FACTOR = 3.0  # Factor on c where rock flows, which is softer still.
 MAX_DIRECT_UNKNOWNS = 400  # Coarsest levels with at most this many unknowns are solved directly.
 DIAGONAL_SHIFT = {True: 1e-7, False: 1e-3}
 """Share by which the diagonal of the coarsest level is enlarged, by whether anything holds the body."""
 DIAGONAL_SHIFT_DOUBLE = 1e-11  # As DIAGONAL_SHIFT in double precision, in which stiff bodies move freely in soft rock.
-
-
-def stiffness_ratio(wave_over_shear: float, hourglass: float) -> float:
-    """c above: from the largest (l + 2 m) / m and the share kappa of the hourglass stiffness (inf where none acts)."""
-    return max(wave_over_shear, MIN_HOURGLASS_RATIO / hourglass)
 
 
 def chebyshev(slow: float, dimension: int) -> list[tuple[float, float]]:
@@ -108,7 +101,7 @@ class Cycle:
     """One V-cycle over levels, finest first, as a linear map from residual to solution, symmetric if they are."""
 
     def __init__(self, levels: list[Level], slow: float, held: bool, bodies: StiffBodies | None = None):
-        """slow: see `stiffness_ratio`; held: whether anything holds the body; bodies: on the finest level, if any."""
+        """slow: the largest c above, (l + 2 m) / m of any cell; held: whether anything holds the body; bodies: on the finest level, if any."""
         self.levels, self.slow, self.held, self.bodies = levels, slow, held, bodies
         dimension = levels[0].grid.dimension
         self.steps = [(np.float32(keep), np.float32(factor)) for keep, factor in chebyshev(slow, dimension)]

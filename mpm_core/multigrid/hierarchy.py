@@ -20,7 +20,7 @@ from numba import njit
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import code_of
 from mpm_core.multigrid.coarsening import MAX_VOID_STIFFNESS, LevelGrid, build_transfer, coarsen, finest_grid
-from mpm_core.multigrid.cycle import MAX_DIRECT_UNKNOWNS, Cycle, stiffness_ratio
+from mpm_core.multigrid.cycle import MAX_DIRECT_UNKNOWNS, Cycle
 from mpm_core.multigrid.level import Level, Operator
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from mpm_core.multigrid.stiffness import ElasticCells
@@ -152,11 +152,8 @@ class Hierarchy:
             fine.coarse_of_cell = coarse_of_cell
             self.levels.append(coarse)
 
-    def set_stiffness(self, cells: ElasticCells, operator: Operator, hourglass: float, body_is_held: bool) -> Cycle:
-        """The V-cycle for this stiffness, which the operator of the finest level has.
-
-        hourglass: share kappa that holds single particles, inf if there are none.
-        """
+    def set_stiffness(self, cells: ElasticCells, operator: Operator, body_is_held: bool) -> Cycle:
+        """The V-cycle for this stiffness, which the operator of the finest level has."""
         constants = filled = cells.constants
         host = most = host_shear(self.levels[0].grid, constants[:, 1])
         for level in self.levels:
@@ -178,7 +175,7 @@ class Hierarchy:
             coarse.set_diagonal()
             most *= 2.0 ** (coarse.grid.dimension - 2)
         bodies = None if host == np.inf else StiffBodies(self.levels[0], cells, host)
-        return Cycle(self.levels, stiffness_ratio(cells.wave_over_shear, hourglass), body_is_held, bodies)
+        return Cycle(self.levels, cells.wave_over_shear, body_is_held, bodies)
 
     def _filled(self, grid: LevelGrid, constants: np.ndarray) -> np.ndarray:
         """Constants (cell, 4) with the stiffness of cells that reach past a held face."""

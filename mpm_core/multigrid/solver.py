@@ -44,13 +44,10 @@ class ElasticSolver:
         self.operator = Operator(self.finest.siblings, grid.dimension, np.float64)
         self.rigid: list[np.ndarray] = []
 
-    def set_stiffness(self, cells: ElasticCells, hourglass: float, free: Sequence[np.ndarray] = ()) -> None:
-        """Take over stiffness; hourglass: share kappa of it at single particles (inf where there are none).
-
-        free: rigid motions (node, d) that the held nodes leave, the operator's null space.
-        """
+    def set_stiffness(self, cells: ElasticCells, free: Sequence[np.ndarray] = ()) -> None:
+        """Take over stiffness; free: rigid motions (node, d) that the held nodes leave, the operator's null space."""
         self.operator.set_cells(cells)
-        self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, self.operator, hourglass, not len(free))
+        self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, self.operator, not len(free))
         self.rigid = self._orthonormal(free)
 
     def set_tangents(self, model: Model, flow: FlowForces, displacement: np.ndarray) -> None:

@@ -17,7 +17,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.nodal_operations import spread_to_hanging
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Unsupported
-from mpm_core.model.particles import hourglass_modulus
+from mpm_core.model.particles import bending_stiffness
 from mpm_core.model.state import ARRAYS, Extent, State
 
 NO_SOURCE = -1  # Particle without a source among the old ones.
@@ -309,8 +309,7 @@ def elastic_hourglass(model: Model, displacement: np.ndarray, cells: np.ndarray)
     )
     lame, shear = model.elastic_constants[model.particles.material[own]].T
     size = model.grid.cell_size[cells]
-    modulus = hourglass_modulus(lame, shear)
-    stiffness = 4.0 * model.scene.solver.hourglass * modulus * size ** (model.dimension - 2)
+    stiffness = bending_stiffness(lame, shear) * size ** (model.dimension - 2)
     sums = _modal_sums(model, displacement, cells)
     amplitude, row = sums[:, modes], model.particles.distorted.rows(cells)
     bent = np.flatnonzero(row >= 0)

@@ -22,7 +22,7 @@ from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.model.model import Model
-from mpm_core.model.particles import hourglass_modulus
+from mpm_core.model.particles import bending_stiffness
 from mpm_core.model.state import REFINED, State
 from mpm_core.stages.external_forces import boundary_strain, external_force, load_size, reference_force
 from mpm_core.stages.ground import Ground
@@ -275,7 +275,7 @@ def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
     """
     model, state = body.model, body.state
     lame, shear = model.elastic_constants[model.particles.material].T
-    stiffness, cells = hourglass_modulus(lame, shear), len(model.cell_nodes)
+    stiffness, cells = bending_stiffness(lame, shear), len(model.cell_nodes)
     old = np.bincount(model.particles.cell, stiffness * body.volume, minlength=cells)
     kept = np.bincount(model.particles.cell, stiffness * np.minimum(body.volume, volume), minlength=cells)
     share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)

@@ -38,7 +38,6 @@ SOLVER = {
     "collapse": "error",
     "damping": 0.8,
     "density_scaling": True,
-    "hourglass": 0.05,
     "move": False,
 }
 

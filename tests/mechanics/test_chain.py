@@ -272,7 +272,7 @@ def test_a_step_starts_from_the_rest_of_the_step_before(tmp_path, monkeypatch):
         return run_cascade(scheme, brittle, ramp, *others)
 
     monkeypatch.setattr(equilibrium_stages, "run_cascade", look_first)
-    states = chain(tmp_path, [(0, "fill", 1), (1, None, 1)], 2, host=COULOMB, solver={"hourglass": 0.3})
+    states = chain(tmp_path, [(0, "fill", 1), (1, None, 1)], 2, host=COULOMB)
     assert (states[1].failed >= 0).any()
     failed = np.flatnonzero(states[1].failed.values >= 0)
     assert (states[2].volume.values[failed] < states[1].volume.values[failed]).any()

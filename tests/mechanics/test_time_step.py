@@ -59,14 +59,12 @@ def largest_eigenvalue(body):
         (2, {"nu": 0.0}),
         (2, {"per_edge": 2}),
         (2, {"cut_cells": "subdivide"}),
-        (2, {"solver": {"hourglass": 1.0}}),
-        (3, {"solver": {"hourglass": 1.0}}),
         (2, {"solver": {"density_scaling": False}}),
         (2, {"boundary": "traction"}),
         (2, {"fill": None}),
         (2, {"fill": None, "cut_cells": "subdivide", "boundary": "traction"}),
         (3, {}),
-        (3, {"nu": 0.0, "solver": {"hourglass": 1.0}}),
+        (3, {"nu": 0.0}),
         (3, {"per_edge": 2}),
     ],
 )
@@ -131,7 +129,7 @@ def test_a_mode_at_the_limit_decays_under_local_damping(damping):
 )
 def test_random_motion_comes_to_rest(dimension, options):
     """Kinetic energy of random nodal velocities: never more than a few times the first value, after 300 steps gone."""
-    body = make_body(dimension, solver={"hourglass": 1.0}, **options)
+    body = make_body(dimension, **options)
     model, velocity = body.model, body.state.velocity
     velocity[:] = np.random.default_rng(0).normal(size=velocity.shape)
     velocity[model.held] = 0.0

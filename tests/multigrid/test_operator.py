@@ -37,9 +37,8 @@ def explicit_force(model, volume, motion):
 
 def solver_of(model, volume, scheme) -> ElasticSolver:
     solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
-    hourglass = model.scene.solver.hourglass if scheme.body.particle_hourglass.any() else np.inf
     free = scheme.body.free.at(model.node_position)
-    solver.set_stiffness(elastic_cells(model, volume, scheme.body.hourglass), hourglass, free)
+    solver.set_stiffness(elastic_cells(model, volume, scheme.body.hourglass), free)
     return solver
 
 

@@ -72,7 +72,7 @@ def test_mistakes_of_all_kinds_come_in_the_order_of_the_file(lines):
             "materials.host.cohesion": {"intact": "1 MPa", "residual": "2 MPa"},
             "materials.host.friction_angle": {"intact": "30 deg", "residual": "40 deg"},
             "grid.levles": 3,
-            "solver.hourglass": 7,
+            "solver.damping": 7,
             "solver.tolerance": "1e400",
             "name": "x y",
         },
@@ -89,7 +89,7 @@ def test_mistakes_of_all_kinds_come_in_the_order_of_the_file(lines):
         "excavations.stope_2.fill: 'paste' is not one of",
         "steps.2019-08.end: 2019-08-01 is not after",
         "solver.tolerance: inf is not a finite number",
-        "solver.hourglass: 7 is greater than the maximum",
+        "solver.damping: 7 is greater than the maximum",
     ]
     found = lines(mine)
     assert len(found) == len(begins), found

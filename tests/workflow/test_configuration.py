@@ -265,13 +265,6 @@ def test_filled_rock_is_mined_again_and_rock_that_is_gone_is_not(refuse, accept)
     assert refuse(TINY, **dated, **late).startswith("excavations.stope_1_again: the same solid")
 
 
-def test_no_stiffness_against_hourglass_patterns_is_needed_with_more_particles(accept, refuse):
-    """Eight of them hold their cell by themselves; of a cut cell, too, if it is not left with one."""
-    eight = {"solver.hourglass": 0, "grid.particles_per_cell": 8}
-    assert accept(TINY, **eight, **{"grid.cut_cells": "subdivide"}).settings.solver.hourglass == 0
-    assert refuse(TINY, **eight).endswith("more grid.particles_per_cell and grid.cut_cells: whole or subdivide")
-
-
 def test_short_names_and_whole_numbers_as_decimals_are_good(accept):
     """A name of one letter; 2.0 is an integer to the schema and must be one to the stages."""
     mine = accept(TINY, name="x", **{"grid.levels": 2.0, "excavations.2.name": "s"})

@@ -85,7 +85,7 @@ FAULTS = [  # Key that is set, its value, how the line begins, what else it says
     ("grid.coarse_cell", "1e-5 m", "grid.coarse_cell: ", "5e+20 coarse cells"),
     ("frame", {"surface": "1000 m", "latitude": 1}, "frame: latitude: give latitude and longitude", "or none"),
     ("frame.crs", "EPSG:28355", "frame: crs and latitude and longitude: give", "or crs"),
-    ("solver.hourglass", 0, "solver.hourglass: ", "0.001 to 1, or more grid.particles_per_cell"),
+    ("solver.damping", 1, "solver.damping: ", "1"),
     ("comparison.seed", "1e400", "comparison.seed: inf", "not a finite number"),
     ("comparison.seed", 10**400, "comparison.seed: an integer of 20 digits or more", "not a finite number"),
     ("solver.tolerance", "1e400", "solver.tolerance: inf", "not a finite number"),

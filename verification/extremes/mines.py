@@ -67,7 +67,6 @@ def random_mine(seed: int) -> dict:
             "tolerance": 1e-4,
             "increments": int(random.choice([0, 1, 2, 5])),
             "weakest_first": float(random.choice([0.0, 0.5], p=[0.9, 0.1])),
-            "hourglass": float(random.choice([0.01, 0.05, 0.2])),
         },
     }
 

@@ -47,7 +47,6 @@ KNOBS = (
     Knob("cascade", "cascade tolerance", _key("solver", "cascade_tolerance"), "{:.0e}".format),
     Knob("increments", "increments", lambda settings: settings.solver.increments or CHOSEN, str),
     Knob("max_overshoot", "largest overshoot", _key("solver", "max_overshoot")),
-    Knob("hourglass", "hourglass stiffness", _key("solver", "hourglass")),
     Knob("damping", "damping", _key("solver", "damping")),
     Knob("scaling", "density scaling", lambda settings: "on" if settings.solver.density_scaling else "off", str),
     Knob("method", "events are", _key("seismic", "method"), str),
