@@ -111,10 +111,10 @@ def next_failures(scheme: Scheme, brittle: Brittle, subdomain: Subdomain | InSte
     fresh = new_failures(model, state, brittle)
     if subdomain is not None:
         fresh = subdomain.far_from_border(fresh)
-    return weakest(model, state, fresh, solver.weakest_first, brittle.tolerated_overstress)
+    return weakest(model, state, brittle, fresh, solver.weakest_first)
 
 
-def let_fail(scheme: Scheme, fresh: np.ndarray, step: int, history: History) -> None:
+def let_fail(scheme: Scheme, brittle: Brittle, fresh: np.ndarray, step: int, history: History) -> None:
     """Let particles (k,) fail, in equilibrium."""
     history.failures(len(fresh))
     if not len(fresh):
@@ -127,7 +127,7 @@ def let_fail(scheme: Scheme, fresh: np.ndarray, step: int, history: History) -> 
             f"the cascade of failure has not ended after {solver.max_generations} generations; raise "
             "solver.max_generations, or mine in smaller steps"
         )
-    fail(scheme.body, fresh, step, history.increment, history.generation)
+    fail(scheme.body, brittle, fresh, step, history.increment, history.generation)
     history.generation += 1
     scheme.set_failed()
 
@@ -161,7 +161,7 @@ def run_generations(
             places, fresh = cells.flagged(scheme.body.model, scheme.body.state, brittle, fresh, provisional)
             if len(places) and not len(fresh):
                 return places
-        let_fail(scheme, fresh, step, history)
+        let_fail(scheme, brittle, fresh, step, history)
         if not len(fresh):
             return np.empty((0, scheme.body.model.dimension), int)
         inner = None if divisible is None else divisible.subdomain_around(brittle, fresh)

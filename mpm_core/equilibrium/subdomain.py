@@ -17,6 +17,7 @@ import numpy as np
 import scipy  # imports its parts as they are used, which small stages would wait for
 
 from mpm_core.equilibrium.brittle import Brittle
+from mpm_core.equilibrium.front import Front
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.block_scatter import build_scatter
 from mpm_core.kernels.nodal_operations import mark_nodes
@@ -302,4 +303,15 @@ def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, numb
         neighbor_start=inside[link_start],
         neighbors=neighbors[neighbors >= 0],
         tolerated_overstress=None if brittle.tolerated_overstress is None else brittle.tolerated_overstress[indices],
+        front=_crop_front(brittle.front, place, cells, number),
+    )
+
+
+def _crop_front(front: Front, place: np.ndarray, cells: np.ndarray, number: np.ndarray) -> Front:
+    """The front of the cells `cells`; place (particle,), number (cell,): in the subdomain, -1 outside."""
+    across, rock = front.across[cells], front.rock[cells]
+    return Front(
+        np.where(across >= 0, number[across], -1).astype(np.int32),
+        np.where(rock >= 0, place[rock], rock).astype(np.int64),
+        front.part[cells],
     )

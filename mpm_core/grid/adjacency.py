@@ -16,17 +16,26 @@ def face_neighbors(grid: MultiLevelGrid, of: np.ndarray | None = None) -> tuple[
     Needs the 2:1 balance and the Morton order of the grid.
     """
     width = grid.cell_width
-    chosen = np.full(len(width), of is None)
-    chosen[[] if of is None else of] = True
-    tree = leaf_lookup(grid)
-    across = np.empty((len(width), 2 * grid.dimension), dtype=np.int32)
-    _cells_across(chosen, grid.cell_index, width, *tree, across)
+    across, tree = cells_across(grid, of), leaf_lookup(grid)
     indptr = np.zeros(len(width) + 1, dtype=np.int64)
     _count_neighbors(width, across, indptr[1:])
     np.cumsum(indptr, out=indptr)
     indices = np.empty(indptr[-1], dtype=np.int32)
     _write_neighbors(grid.cell_index, width, across, *tree, indptr, indices)
     return indptr, indices
+
+
+def cells_across(grid: MultiLevelGrid, of: np.ndarray | None = None) -> np.ndarray:
+    """The cell across each face (2-D: edge) of each cell, or of those `of` (k,), indices: (cell, 2 d) int32.
+
+    Faces come axis by axis, the lower one first. Across a face with finer cells it is that at the face's lowest corner;
+    NO_CELL outside of the grid, and for other cells.
+    """
+    chosen = np.full(len(grid.cell_width), of is None)
+    chosen[[] if of is None else of] = True
+    across = np.empty((len(chosen), 2 * grid.dimension), dtype=np.int32)
+    _cells_across(chosen, grid.cell_index, grid.cell_width, *leaf_lookup(grid), across)
+    return across
 
 
 def holding_cells(grid: MultiLevelGrid, places: np.ndarray) -> np.ndarray:

@@ -10,6 +10,8 @@ from mpm_core.kernels.energy_sums import total_stress
 
 # Equilibrium is never exact, so rock may be above its strength by this share of strength and stress.
 STRENGTH_MARGIN = 1e-5
+# In place of the particle of a cell's sound rock: the cell has no such rock, or none that is compared with others.
+NO_ROCK, NOT_FINEST = -1, -2
 
 
 @functools.cache
@@ -91,6 +93,36 @@ def any_neighbor(cells, neighbor_start, neighbors, chosen, found):
             found[i] |= chosen[neighbors[link]]
 
 
+@njit(parallel=True, error_model="numpy", cache=True)
+def stress_to_front(
+    particles, cell, across, rock, part, position, fine_cell, reach, failed, material, stress, insitu, change
+):
+    """What stress changes by from particles (k,) to the front beside their cells: change (k, 6) Pa, written.
+
+    across (cell, 2 d): see grid.adjacency.cells_across; rock, part (cell,): see front.Front; position (particle, d) m;
+    fine_cell m; reach: share of a cell. Along each axis on one side of which the rock has failed or is gone, stress
+    goes on from the sound rock on the other side. 0 away from a front.
+    """
+    for i in prange(len(particles)):
+        p = particles[i]
+        own = cell[p]
+        for k in range(6):
+            change[i, k] = 0.0
+        if rock[own] != p:
+            continue
+        for side in range(across.shape[1]):
+            front, back = across[own, side], across[own, side ^ 1]
+            if front < 0 or back < 0 or rock[front] == NOT_FINEST or rock[back] < 0:
+                continue
+            behind = rock[back]
+            if (rock[front] >= 0 and failed[rock[front]] < 0) or failed[behind] >= 0 or material[behind] != material[p]:
+                continue
+            apart = abs(position[p, side // 2] - position[behind, side // 2]) / fine_cell
+            share = reach * part[own] / max(apart, 0.5)
+            for k in range(6):
+                change[i, k] += share * (stress[p, k] + insitu[p, k] - stress[behind, k] - insitu[behind, k])
+
+
 @functools.cache
 def make_drop(law):
     """The kernel for a law."""
@@ -107,16 +139,25 @@ def make_drop(law):
         residual_rows,
         overshoot_strain,
         seismic_strain,
+        to_front,
         energy,
     ):
         """Brittle drop of the given particles (k,), in place: stress to residual; overshoot and seismic strain.
 
-        energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate, on two straight paths from trial
-        stress to peak and from peak to residual. Strain is fixed: it is what the elastic energy loses.
+        The strains are those of the drop at the front, whose stress is that of the particle and to_front (k, 6) Pa; the
+        particle's own stress falls by as much. energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate
+        at the particle, on two straight paths from trial stress to peak and from peak to residual. Strain is fixed: it
+        is what the elastic energy loses.
         """
         for i in range(len(particles)):
             p = particles[i]
             xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
+            xx += to_front[i, 0]
+            yy += to_front[i, 1]
+            zz += to_front[i, 2]
+            yz += to_front[i, 3]
+            xz += to_front[i, 4]
+            xy += to_front[i, 5]
             m = material[p]
             peak, residual, overshoot, seismic, _ = brittle_drop(
                 law.return_to_surface,
@@ -135,11 +176,11 @@ def make_drop(law):
             energy[i] = 0.0
             for k in range(6):
                 twice = 1.0 if k < 3 else 2.0  # shear stands twice in a tensor
-                energy[i, 0] += twice * 0.5 * (trial[k] + peak[k]) * overshoot[k]
-                energy[i, 1] += twice * 0.5 * (peak[k] + residual[k]) * seismic[k]
+                energy[i, 0] += twice * (0.5 * (trial[k] + peak[k]) - to_front[i, k]) * overshoot[k]
+                energy[i, 1] += twice * (0.5 * (peak[k] + residual[k]) - to_front[i, k]) * seismic[k]
                 overshoot_strain[p, k] = overshoot[k]
                 seismic_strain[p, k] = seismic[k]
-                stress[p, k] = residual[k] - insitu[p, k]
+                stress[p, k] = residual[k] - insitu[p, k] - to_front[i, k]
 
     return drop
 
