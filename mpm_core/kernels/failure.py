@@ -5,6 +5,7 @@ import math
 
 from numba import njit, prange
 
+from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.general import brittle_drop, strength_of
 from mpm_core.kernels.energy_sums import total_stress
 
@@ -145,42 +146,61 @@ def make_drop(law):
         """Brittle drop of the given particles (k,), in place: stress to residual; overshoot and seismic strain.
 
         The strains are those of the drop at the front, whose stress is that of the particle and to_front (k, 6) Pa; the
-        particle's own stress falls by as much. energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate
+        particle's own stress falls by as much; what is then above residual strength counts as overshoot. energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate
         at the particle, on two straight paths from trial stress to peak and from peak to residual. Strain is fixed: it
         is what the elastic energy loses.
         """
         for i in range(len(particles)):
             p = particles[i]
             xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
-            xx += to_front[i, 0]
-            yy += to_front[i, 1]
-            zz += to_front[i, 2]
-            yz += to_front[i, 3]
-            xz += to_front[i, 4]
-            xy += to_front[i, 5]
+            own = (xx, yy, zz, yz, xz, xy)
             m = material[p]
+            lame, shear = elastic_constants[m, 0], elastic_constants[m, 1]
+            residual_row = strength_of(residual_rows, m, length)
             peak, residual, overshoot, seismic, _ = brittle_drop(
                 law.return_to_surface,
-                xx,
-                yy,
-                zz,
-                yz,
-                xz,
-                xy,
-                elastic_constants[m, 0],
-                elastic_constants[m, 1],
+                xx + to_front[i, 0],
+                yy + to_front[i, 1],
+                zz + to_front[i, 2],
+                yz + to_front[i, 3],
+                xz + to_front[i, 4],
+                xy + to_front[i, 5],
+                lame,
+                shear,
                 strength_of(intact_rows, m, length),
-                strength_of(residual_rows, m, length),
+                residual_row,
             )
-            trial = (xx, yy, zz, yz, xz, xy)
+            xx, yy, zz, yz, xz, xy, _ = law.return_to_surface(
+                residual[0] - to_front[i, 0],
+                residual[1] - to_front[i, 1],
+                residual[2] - to_front[i, 2],
+                residual[3] - to_front[i, 3],
+                residual[4] - to_front[i, 4],
+                residual[5] - to_front[i, 5],
+                lame,
+                shear,
+                residual_row,
+            )
+            after = (xx, yy, zz, yz, xz, xy)
+            rest = strain_from_stress(
+                lame,
+                shear,
+                residual[0] - to_front[i, 0] - xx,
+                residual[1] - to_front[i, 1] - yy,
+                residual[2] - to_front[i, 2] - zz,
+                residual[3] - to_front[i, 3] - yz,
+                residual[4] - to_front[i, 4] - xz,
+                residual[5] - to_front[i, 5] - xy,
+            )
             energy[i] = 0.0
             for k in range(6):
                 twice = 1.0 if k < 3 else 2.0  # shear stands twice in a tensor
-                energy[i, 0] += twice * (0.5 * (trial[k] + peak[k]) - to_front[i, k]) * overshoot[k]
-                energy[i, 1] += twice * (0.5 * (peak[k] + residual[k]) - to_front[i, k]) * seismic[k]
-                overshoot_strain[p, k] = overshoot[k]
+                at_peak, at_end = peak[k] - to_front[i, k], residual[k] - to_front[i, k]
+                energy[i, 0] += twice * 0.5 * ((own[k] + at_peak) * overshoot[k] + (at_end + after[k]) * rest[k])
+                energy[i, 1] += twice * 0.5 * (at_peak + at_end) * seismic[k]
+                overshoot_strain[p, k] = overshoot[k] + rest[k]
                 seismic_strain[p, k] = seismic[k]
-                stress[p, k] = residual[k] - insitu[p, k] - to_front[i, k]
+                stress[p, k] = after[k] - insitu[p, k]
 
     return drop
 
