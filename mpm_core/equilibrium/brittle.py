@@ -20,7 +20,9 @@ class Brittle:
     present (particle,) bool: not mined; sound, sliver: particle indices; coarse: indices of rock in larger cells, which
     may fail once its cells have been split to the finest size; neighbor_start (cell + 1,), neighbors (pair,): cells
     that share a face with each cell (grid.adjacency.face_neighbors); tolerated_overstress (particle,) Pa: overstress
-    without failure, in a member of an ensemble (perturbation.strength_perturbation); front: see front.py. A cut cell that is less than half
+    without failure, in a member of an ensemble (perturbation.strength_perturbation); front: see front.py.
+
+    A cut cell that is less than half
     rock fails only next to failed rock: the smaller its share, the more wrong is its stress (next to Kirsch's hole from
     a quarter down). If it stayed elastic, it would support the wall for ever.
     """

@@ -1,11 +1,11 @@
 """The front of failing rock: the faces between sound rock and rock that has failed or is gone.
 
-A cell knows the stress at its centre. Rock breaks where stress is largest, at the front, and the front moves on by whole
-cells. Judged at its centre, a cell resists until the front could stand well within it: the zone of failed rock ends
-short of its limit, by a share of a cell that does not get smaller with the cells. Judged at the face itself it goes too
-far, since every step of the front is a whole cell. So a cell at the front is judged, and drops, by the stress REACH of a
-cell from its centre towards the front, on the straight line through its neighbour behind. Judging alone is not enough:
-the drop from the lower stress of the centre would be too small.
+A cell knows the stress at its centre. Rock breaks where stress is largest, at the front, and the front moves on by
+whole cells. Judged at its centre, a cell resists until the front could stand well within it: the zone of failed rock
+ends short of its limit by a share of a cell, however small the cells. Judged at the face it goes too far, since every
+step of the front is a whole cell. So a cell at the front is judged, and drops, by the stress REACH of a cell from its
+centre towards the front, on the straight line through its neighbour behind. Judging alone is not enough: the drop from
+the lower stress of the centre would be too small.
 """
 
 from dataclasses import dataclass

@@ -146,9 +146,9 @@ def make_drop(law):
         """Brittle drop of the given particles (k,), in place: stress to residual; overshoot and seismic strain.
 
         The strains are those of the drop at the front, whose stress is that of the particle and to_front (k, 6) Pa; the
-        particle's own stress falls by as much; what is then above residual strength counts as overshoot. energy (k, 2) J/m3, written: what overshoot and seismic strain dissipate
-        at the particle, on two straight paths from trial stress to peak and from peak to residual. Strain is fixed: it
-        is what the elastic energy loses.
+        particle's own stress falls by as much. What is then above residual strength is overshoot. energy (k, 2) J/m3,
+        written: what overshoot and seismic strain dissipate at the particle, on two straight paths from trial stress to
+        peak and from peak to residual. Strain is fixed: it is what the elastic energy loses.
         """
         for i in range(len(particles)):
             p = particles[i]

@@ -297,8 +297,8 @@ def bending_stiffness(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
 
     The mode with amplitude a at the corners has the strain e_x = 4 a y / h^2, and e_y follows freely. A plate's modulus
     is E' = E / (1 - nu^2) = 4 mu (lambda + mu) / (lambda + 2 mu), and its energy E' e_x^2 / 2 is on average
-    2 E' a^2 / (3 h^2), or 1/2 (4 E' / 3) (a / h)^2. No shear takes part, as it would in a cell with more points. E' stays
-    finite where volume is constant. (Belytschko and Bindeman 1993: assumed strain with physical stabilisation.)
+    2 E' a^2 / (3 h^2), or 1/2 (4 E' / 3) (a / h)^2. No shear takes part, as it would in a cell with more points. E'
+    stays finite where volume is constant. (Belytschko and Bindeman 1993: assumed strain with physical stabilisation.)
     """
     return 16.0 / 3.0 * shear * (lame + shear) / (lame + 2.0 * shear)
 

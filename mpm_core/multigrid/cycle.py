@@ -101,7 +101,8 @@ class Cycle:
     """One V-cycle over levels, finest first, as a linear map from residual to solution, symmetric if they are."""
 
     def __init__(self, levels: list[Level], slow: float, held: bool, bodies: StiffBodies | None = None):
-        """slow: the largest c above, (l + 2 m) / m of any cell; held: whether anything holds the body; bodies: on the finest level, if any."""
+        """slow: the largest (l + 2 m) / m of any cell; held: whether anything holds the body; bodies: on the finest
+        level, if any."""
         self.levels, self.slow, self.held, self.bodies = levels, slow, held, bodies
         dimension = levels[0].grid.dimension
         self.steps = [(np.float32(keep), np.float32(factor)) for keep, factor in chebyshev(slow, dimension)]

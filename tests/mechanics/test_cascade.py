@@ -165,7 +165,7 @@ def test_slivers_fail_only_beside_failed_rock():
     state.failed[rock] = -1
     scheme = ExplicitScheme(model, state, volume)
     state.hourglass_force[:] = 1.0
-    fail(scheme.body, np.array([rock]), 0, 2, 3)
+    fail(scheme.body, brittle, np.array([rock]), 0, 2, 3)
     assert state.failure_order[rock].tolist() == [2, 3]
     assert (state.hourglass_force[model.particles.cell[rock]] == 0.0).all()
     assert (state.hourglass_force[model.particles.cell[sliver]] == 1.0).all()
@@ -181,7 +181,8 @@ def test_the_weakest_fail_first(share):
     state.stress[above, 0] = -(model.intact_rows[0][2] + np.array([1e6, 2e6, 4e6]))
     assert above_strength(model, state, np.arange(16)).tolist() == above.tolist()
     expected = {0.0: above, 0.4: above[1:], 1.0: above[2:]}[share]
-    assert weakest(model, state, above, share).tolist() == expected.tolist()
+    brittle = find_brittle(model, model.volumes(0), 0, *face_neighbors(model.grid))
+    assert weakest(model, state, brittle, above, share).tolist() == expected.tolist()
 
 
 def test_whichever_fails_first_the_cascade_ends_at_rest(tmp_path):

@@ -87,7 +87,8 @@ def test_a_member_fails_what_stands_above_its_own_threshold():
         (None, above),
         (brittle.tolerated_overstress, above - brittle.tolerated_overstress[cells]),
     ):
-        assert weakest(model, state, cells, 1.0, allowed).tolist() == [cells[expected.argmax()]]
+        chosen = replace(brittle, tolerated_overstress=allowed)
+        assert weakest(model, state, chosen, cells, 1.0).tolist() == [cells[expected.argmax()]]
 
 
 @given(st.integers(1, 1000), st.integers(0, 30), st.integers(1, 20))

@@ -165,27 +165,20 @@ def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
     """Against its slow twin, which lets it fail."""
     seen, let_fail = [], cascade.let_fail
 
-    def compare(scheme, fresh, step, history):
+    def compare(scheme, brittle, fresh, step, history):
         if history.generation == 0 and len(fresh):
             body, kept = scheme.body, {name: np.copy(value) for name, value in vars(scheme.body.state).items()}
-            expected = overshoot_of_next(body, compare.brittle)
+            expected = overshoot_of_next(body, brittle)
             assert all(np.array_equal(kept[name], value) for name, value in vars(body.state).items())
-            fail(body, fresh, step, history.increment, 0)
+            fail(body, brittle, fresh, step, history.increment, 0)
             others = body.state.failure_order[:, 0] != history.increment
             volume = np.where(others, 0.0, body.volume)
             seen.append((expected, overshoot_share(body.state, volume, step)))
             for name, value in kept.items():
                 if isinstance(getattr(body.state, name), np.ndarray):
                     getattr(body.state, name)[...] = value
-        let_fail(scheme, fresh, step, history)
+        let_fail(scheme, brittle, fresh, step, history)
 
-    find = cascade.next_failures
-
-    def note_brittle(scheme, brittle, part=None):
-        compare.brittle = brittle
-        return find(scheme, brittle, part)
-
-    monkeypatch.setattr(cascade, "next_failures", note_brittle)
     monkeypatch.setattr(cascade, "let_fail", compare)
     step_of(tmp_path, increments=0, max_overshoot=0.3)
     assert len(seen) > 1

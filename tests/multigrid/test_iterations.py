@@ -6,9 +6,9 @@ Small grids; the bounds are those that the scheme promises for grids of any size
 import numpy as np
 import pytest
 
+from mpm_core.model.particles import bending_stiffness
 from mpm_core.multigrid.solver import ElasticSolver, Solution
 from mpm_core.multigrid.stiffness import ElasticCells
-from mpm_core.model.particles import bending_stiffness
 from mpm_core.settings import lame_parameters
 from tests.mechanics.scenes import box, grid_around
 

@@ -64,7 +64,7 @@ def with_failure(dimension: int, **scene):
     brittle = find_brittle(model, volume, 0, *face_neighbors(grid))
     fresh = new_failures(model, state, brittle)
     fresh = fresh[model.particles.position[fresh, 0] < 30.0][:7]
-    fail(scheme.body, fresh, 0, 1, 0)
+    fail(scheme.body, brittle, fresh, 0, 1, 0)
     scheme.set_failed()
     return scheme, brittle, fresh, force
 
