@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mechanics.scenes import COULOMB, ball, box, excavation, grid_around, make_model, make_scene
-from mpm_core.constitutive.coulomb_strength import overstress
 from mpm_core.constitutive.elastic import strain_from_stress
+from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import fail, find_brittle, judged_at, new_failures
 from mpm_core.equilibrium.front import REACH, front_of
