@@ -8,9 +8,17 @@ from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.energy_balance import dissipate, hourglass_energies
 from mpm_core.equilibrium.front import Front, front_of
 from mpm_core.equilibrium.perturbation import strength_perturbation
-from mpm_core.kernels.failure import NO_ROCK, any_neighbor, make_drop, make_is_above_strength, make_overstress_of
+from mpm_core.kernels.failure import (
+    any_neighbor,
+    make_drop,
+    make_drop_share,
+    make_is_above_strength,
+    make_overstress_of,
+)
 from mpm_core.model.model import Model
 from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC, State
+
+CENTER = np.empty((0, 6))  # In place of changes of stress: rock is judged at the centre of its cell.
 
 
 @dataclass(frozen=True)
@@ -20,11 +28,11 @@ class Brittle:
     present (particle,) bool: not mined; sound, sliver: particle indices; coarse: indices of rock in larger cells, which
     may fail once its cells have been split to the finest size; neighbor_start (cell + 1,), neighbors (pair,): cells
     that share a face with each cell (grid.adjacency.face_neighbors); tolerated_overstress (particle,) Pa: overstress
-    without failure, in a member of an ensemble (perturbation.strength_perturbation); front: see front.py.
+    without failure, in a member of an ensemble (perturbation.strength_perturbation); front: cells that are judged by
+    the stress towards the front.
 
-    A cut cell that is less than half
-    rock fails only next to failed rock: the smaller its share, the more wrong is its stress (next to Kirsch's hole from
-    a quarter down). If it stayed elastic, it would support the wall for ever.
+    A cut cell that is less than half rock fails only next to failed rock: the smaller its share, the more wrong is its
+    stress (next to Kirsch's hole from a quarter down). If it stayed elastic, it would support the wall for ever.
     """
 
     present: np.ndarray
@@ -54,8 +62,10 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
 
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     """Intact particles that fail now, ascending."""
-    sound = above_strength(model, state, brittle.sound, brittle.tolerated_overstress)
-    sound = np.union1d(sound, _above_strength_at_front(model, state, brittle))
+    intact = brittle.sound[state.failed[brittle.sound] < 0]
+    sound = above_strength(
+        model, state, intact, brittle.tolerated_overstress, stress_to_front(model, state, brittle, intact)
+    )
     broken = np.zeros(len(model.cell_nodes), bool)
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
@@ -65,63 +75,56 @@ def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     return np.sort(np.concatenate([sound, sliver]))
 
 
-def _above_strength_at_front(model: Model, state: State, brittle: Brittle) -> np.ndarray:
-    """Sound particles that are above strength by the stress at the front beside them, ascending."""
-    rock, across = brittle.front.rock, brittle.front.across
-    broken = rock == NO_ROCK
-    judged = rock >= 0
-    broken[judged] = state.failed[rock[judged]] >= 0
-    cell = model.particles.cell[brittle.sound]
-    beside = np.zeros(len(cell), bool)
-    for side in across.T:
-        beside |= broken[side[cell]] & (side[cell] >= 0)
-    candidates = brittle.sound[beside & (state.failed[brittle.sound] < 0)]
-    stress = state.stress[candidates] + brittle.front.stress_change(model, state, candidates)
-    above = np.empty(len(candidates), bool)
-    tolerated = brittle.tolerated_overstress
-    make_is_above_strength(model.law)(
-        np.arange(len(candidates)),
-        state.failed[candidates],
-        stress,
-        model.insitu[candidates],
-        model.particles.material[candidates],
-        model.intact_rows,
-        np.empty(0) if tolerated is None else tolerated[candidates],
-        above,
-    )
-    return candidates[above]
-
-
-def judged_at(model: Model, state: State, brittle: Brittle, particles: np.ndarray) -> np.ndarray:
-    """Change of stress (k, 6) Pa from particles (k,) to where they are judged: to the front if the overstress is larger
-    there, else none."""
-    change = brittle.front.stress_change(model, state, particles)
-    at_front, at_centre = np.zeros((2, len(particles)))
-    rows = np.arange(len(particles)), model.insitu[particles], model.particles.material[particles]
-    for stress, excess in ((state.stress[particles] + change, at_front), (state.stress[particles], at_centre)):
-        make_overstress_of(model.law)(rows[0], stress, rows[1], rows[2], model.intact_rows, excess)
-    change[at_front <= at_centre] = 0.0
+def stress_to_front(model: Model, state: State, brittle: Brittle, particles: np.ndarray) -> np.ndarray:
+    """Change of stress (k, 6) Pa from particles (k,) to where they are judged (front.py): towards the face at the front
+    where the overstress is larger there, else 0."""
+    change = brittle.front.stress_to_face(model, state, particles)
+    near = np.flatnonzero(change.any(axis=1))
+    near = near[overstress(model, state, particles[near], change[near]) > 0.0]  # no other rock is above strength nearer
+    some, part = particles[near], np.empty(len(near))
+    make_drop_share(model.law)(
+        some, state.stress, model.insitu, change[near], model.particles.material, model.intact_rows,
+        model.residual_rows, part,
+    )  # fmt: skip
+    to_front = part[:, None] * change[near]
+    to_front[overstress(model, state, some, to_front) <= overstress(model, state, some)] = 0.0
+    change[:] = 0.0
+    change[near] = to_front
     return change
 
 
+def overstress(model: Model, state: State, particles: np.ndarray, to_front: np.ndarray = CENTER) -> np.ndarray:
+    """Overstress (k,) Pa over intact strength of particles (k,), judged where their stress is larger by to_front (k, 6)
+    Pa; 0 where bounds prove them below strength."""
+    excess = np.empty(len(particles))
+    make_overstress_of(model.law)(
+        particles, state.stress, model.insitu, to_front, model.particles.material, model.intact_rows, excess
+    )
+    return excess
+
+
 def above_strength(
-    model: Model, state: State, candidates: np.ndarray, tolerated_overstress: np.ndarray | None = None
+    model: Model,
+    state: State,
+    candidates: np.ndarray,
+    tolerated_overstress: np.ndarray | None = None,
+    to_front: np.ndarray = CENTER,
 ) -> np.ndarray:
     """Candidates (particle indices) that are intact and above strength by more than the margin.
 
     tolerated_overstress: see Brittle.tolerated_overstress; without it strength is the rock's own, as in all that rates
-    a state.
+    a state. to_front (candidate, 6) Pa: see stress_to_front; without it rock is judged at the centre of its cell.
     """
     above = np.empty(len(candidates), bool)
-    tolerated_overstress = np.empty(0) if tolerated_overstress is None else tolerated_overstress
     make_is_above_strength(model.law)(
         candidates,
         state.failed,
         state.stress,
         model.insitu,
+        to_front,
         model.particles.material,
         model.intact_rows,
-        tolerated_overstress,
+        np.empty(0) if tolerated_overstress is None else tolerated_overstress,
         above,
     )
     return candidates[above]
@@ -131,15 +134,7 @@ def weakest(model: Model, state: State, brittle: Brittle, candidates: np.ndarray
     """Candidates (particle indices, above strength) with at least `share` of the largest overstress."""
     if share == 0.0 or len(candidates) < 2:
         return candidates
-    excess = np.zeros(len(candidates))
-    make_overstress_of(model.law)(
-        np.arange(len(candidates)),
-        state.stress[candidates] + judged_at(model, state, brittle, candidates),
-        model.insitu[candidates],
-        model.particles.material[candidates],
-        model.intact_rows,
-        excess,
-    )
+    excess = overstress(model, state, candidates, stress_to_front(model, state, brittle, candidates))
     if brittle.tolerated_overstress is not None:
         excess -= brittle.tolerated_overstress[candidates]
     return candidates[excess >= share * excess.max()]
@@ -159,7 +154,7 @@ def fail(body: Body, brittle: Brittle, particles: np.ndarray, step: int, increme
         model.residual_rows,
         state.overshoot_strain,
         state.seismic_strain,
-        judged_at(model, state, brittle, particles),
+        stress_to_front(model, state, brittle, particles),
         energy,
     )
     state.failed[particles] = step

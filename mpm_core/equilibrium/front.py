@@ -1,11 +1,13 @@
 """The front of failing rock: the faces between sound rock and rock that has failed or is gone.
 
-A cell knows the stress at its centre. Rock breaks where stress is largest, at the front, and the front moves on by
-whole cells. Judged at its centre, a cell resists until the front could stand well within it: the zone of failed rock
-ends short of its limit by a share of a cell, however small the cells. Judged at the face it goes too far, since every
-step of the front is a whole cell. So a cell at the front is judged, and drops, by the stress REACH of a cell from its
-centre towards the front, on the straight line through its neighbour behind. Judging alone is not enough: the drop from
-the lower stress of the centre would be too small.
+Stress is largest at the front, but a cell knows that at its centre, and the front moves on by whole cells. Judged at
+their centres, cells hold the front too early; judged at the face, too late. In closed form (round tunnel, spherical
+cavity) it ends where theory has it, on average over places of the wall in its cell, if cells are judged at
+
+    alpha = (1 - D_residual / D_peak) / 2
+
+of a cell from the centre towards the face: half the share of its differential stress D that rock loses as it fails, at
+the confinement at the front (docs/explanation/failure-and-increments.md, The front).
 """
 
 from dataclasses import dataclass
@@ -13,11 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpm_core.grid.adjacency import cells_across
-from mpm_core.kernels.failure import NO_ROCK, NOT_FINEST, stress_to_front
+from mpm_core.kernels.failure import NO_ROCK, NOT_FINEST, stress_to_face
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
-
-REACH = 0.2  # cells
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Front:
     rock: np.ndarray
     part: np.ndarray
 
-    def stress_change(self, model: Model, state: State, particles: np.ndarray) -> np.ndarray:
-        """Change of stress (k, 6) Pa from particles (k,) towards the front; 0 away from it."""
+    def stress_to_face(self, model: Model, state: State, particles: np.ndarray) -> np.ndarray:
+        """Change of stress (k, 6) Pa from particles (k,) to the face at the front; 0 away from it."""
         change = np.empty((len(particles), 6))
         own = model.particles
-        stress_to_front(
-            particles, own.cell, self.across, self.rock, self.part, own.position, model.grid.fine_cell, REACH,
+        stress_to_face(
+            particles, own.cell, self.across, self.rock, self.part, own.position, model.grid.fine_cell,
             state.failed, own.material, state.stress, model.insitu, change,
         )  # fmt: skip
         return change

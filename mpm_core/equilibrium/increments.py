@@ -19,7 +19,7 @@ import numpy as np
 from common.source_tensors import scalar_potency
 from common.voigt import tensor_from_voigt
 from mpm_core.equilibrium.body import Body
-from mpm_core.equilibrium.brittle import Brittle, above_strength, judged_at, new_failures
+from mpm_core.equilibrium.brittle import Brittle, above_strength, new_failures, stress_to_front
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.perturbation import delays, pace
 from mpm_core.kernels.failure import make_drop
@@ -102,7 +102,7 @@ def overshoot_of_next(body: Body, brittle: Brittle) -> float:
     make_drop(model.law)(
         np.arange(len(fresh)), state.stress[fresh], model.insitu[fresh], model.particles.material[fresh],
         model.elastic_constants, model.intact_rows, model.residual_rows, overshoot, seismic,
-        judged_at(model, state, brittle, fresh), np.empty((len(fresh), 2)),
+        stress_to_front(model, state, brittle, fresh), np.empty((len(fresh), 2)),
     )  # fmt: skip
     return _share_of_drop(overshoot, seismic, body.volume[fresh])
 

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_core.equilibrium.brittle import Brittle
+from mpm_core.equilibrium.brittle import Brittle, overstress
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import around, code_of, families, family_codes, middles
-from mpm_core.kernels.failure import make_overstress_of
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
 
@@ -92,12 +91,9 @@ class RefinedCells:
 def near_strength(model: Model, state: State, candidates: np.ndarray) -> np.ndarray:
     """(k,) bool: whether candidates (particle indices), intact ones, would break under 1 + NEAR_STRENGTH_SHARE times
     their change of stress since virgin."""
-    excess = np.zeros(len(candidates))
+    excess = np.empty(len(candidates))
     for first in range(0, len(candidates), CANDIDATES_AT_ONCE):
         some = candidates[first : first + CANDIDATES_AT_ONCE]
-        changed = (1.0 + NEAR_STRENGTH_SHARE) * state.stress.take(some, axis=0)
-        make_overstress_of(model.law)(
-            np.arange(len(some)), changed, model.insitu.take(some, axis=0), model.particles.material[some],
-            model.intact_rows, excess[first : first + CANDIDATES_AT_ONCE],
-        )  # fmt: skip
+        more = NEAR_STRENGTH_SHARE * state.stress.take(some, axis=0)
+        excess[first : first + CANDIDATES_AT_ONCE] = overstress(model, state, some, more)
     return excess > 0.0

@@ -7,12 +7,30 @@ from numba import njit, prange
 
 from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.general import brittle_drop, strength_of
+from mpm_core.constitutive.principal import principal_stresses
 from mpm_core.kernels.energy_sums import total_stress
 
 # Equilibrium is never exact, so rock may be above its strength by this share of strength and stress.
 STRENGTH_MARGIN = 1e-5
 # In place of the particle of a cell's sound rock: the cell has no such rock, or none that is compared with others.
 NO_ROCK, NOT_FINEST = -1, -2
+DROP_SHARE_HALVINGS = 20  # The share of the drop is found by as many halvings.
+
+
+@njit(error_model="numpy", cache=True)
+def judged_stress(stress, insitu, particle, to_front, i):
+    """Six components, Pa, by which particle i of some is judged: its own, and the change to_front (k, 6) if given."""
+    xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, particle, particle)
+    if not len(to_front):
+        return xx, yy, zz, yz, xz, xy
+    return (
+        xx + to_front[i, 0],
+        yy + to_front[i, 1],
+        zz + to_front[i, 2],
+        yz + to_front[i, 3],
+        xz + to_front[i, 4],
+        xy + to_front[i, 5],
+    )
 
 
 @functools.cache
@@ -21,14 +39,15 @@ def make_overstress_of(law):
     length = law.ROW_LENGTH
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def overstress_of(candidates, stress, insitu, material, rows, excess):
+    def overstress_of(candidates, stress, insitu, to_front, material, rows, excess):
         """Overstress of candidates, Pa: excess (candidate,), in place; 0 where bounds prove them below strength.
 
-        candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; rows (material, column).
+        candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; to_front (candidate, 6) Pa or (0, 6):
+        see judged_stress; rows (material, column).
         """
         for i in prange(len(candidates)):
             p = candidates[i]
-            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
+            xx, yy, zz, yz, xz, xy = judged_stress(stress, insitu, p, to_front, i)
             row = strength_of(rows, material[p], length)
             if law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
                 excess[i] = 0.0
@@ -64,7 +83,7 @@ def make_is_above_strength(law):
     length = law.ROW_LENGTH
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def is_above_strength(candidates, failed, stress, insitu, material, rows, tolerated_overstress, above):
+    def is_above_strength(candidates, failed, stress, insitu, to_front, material, rows, tolerated_overstress, above):
         """Find intact candidates above strength by more than a margin: above (candidate,) bool, written.
 
         failed (particle,) int32, -1 intact; tolerated_overstress (particle,) Pa or (0,): more, by place; other
@@ -75,7 +94,7 @@ def make_is_above_strength(law):
             above[i] = False
             if failed[p] >= 0:
                 continue
-            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
+            xx, yy, zz, yz, xz, xy = judged_stress(stress, insitu, p, to_front, i)
             row = strength_of(rows, material[p], length)
             if not law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
                 more = tolerated_overstress[p] if len(tolerated_overstress) else 0.0
@@ -95,14 +114,13 @@ def any_neighbor(cells, neighbor_start, neighbors, chosen, found):
 
 
 @njit(parallel=True, error_model="numpy", cache=True)
-def stress_to_front(
-    particles, cell, across, rock, part, position, fine_cell, reach, failed, material, stress, insitu, change
-):
-    """What stress changes by from particles (k,) to the front beside their cells: change (k, 6) Pa, written.
+def stress_to_face(particles, cell, across, rock, part, position, fine_cell, failed, material, stress, insitu, change):
+    """Change of stress from particles (k,) to the face of their cells at the front: change (k, 6) Pa, written.
 
     across (cell, 2 d): see grid.adjacency.cells_across; rock, part (cell,): see front.Front; position (particle, d) m;
-    fine_cell m; reach: share of a cell. Along each axis on one side of which the rock has failed or is gone, stress
-    goes on from the sound rock on the other side. 0 away from a front.
+    fine_cell m. Where rock has failed or is gone on one side of an axis alone, stress is linear along it, through the
+    sound rock behind, to that side's face. The change is the mean over such axes, as the front stands across them all:
+    at 1 / sqrt(2) of the distance to it where there are two. 0 away from the front.
     """
     for i in prange(len(particles)):
         p = particles[i]
@@ -111,6 +129,7 @@ def stress_to_front(
             change[i, k] = 0.0
         if rock[own] != p:
             continue
+        axes = 0
         for side in range(across.shape[1]):
             front, back = across[own, side], across[own, side ^ 1]
             if front < 0 or back < 0 or rock[front] == NOT_FINEST or rock[back] < 0:
@@ -118,10 +137,56 @@ def stress_to_front(
             behind = rock[back]
             if (rock[front] >= 0 and failed[rock[front]] < 0) or failed[behind] >= 0 or material[behind] != material[p]:
                 continue
-            apart = abs(position[p, side // 2] - position[behind, side // 2]) / fine_cell
-            share = reach * part[own] / max(apart, 0.5)
+            apart = abs(position[p, side // 2] - position[behind, side // 2])
+            share = 0.5 * part[own] * fine_cell / max(apart, 0.5 * fine_cell)
+            axes += 1
             for k in range(6):
                 change[i, k] += share * (stress[p, k] + insitu[p, k] - stress[behind, k] - insitu[behind, k])
+        if axes > 1:
+            for k in range(6):
+                change[i, k] /= axes
+
+
+@functools.cache
+def make_drop_share(law):
+    """The kernel for a law."""
+    length = law.ROW_LENGTH
+
+    @njit(error_model="numpy")
+    def supported(stress, tension, confinement, row):
+        """Largest share, 0 to 1, of the stress without its largest component that is admissible at a confinement."""
+        low, high = 0.0, 1.0
+        margin = STRENGTH_MARGIN * law.strength_size(row)
+        for _ in range(DROP_SHARE_HALVINGS):
+            share = 0.5 * (low + high)
+            xx, yy, zz = (
+                share * (stress[0] - tension) + confinement,
+                share * (stress[1] - tension) + confinement,
+                share * (stress[2] - tension) + confinement,
+            )
+            if law.overstress(xx, yy, zz, share * stress[3], share * stress[4], share * stress[5], row) > margin:
+                high = share
+            else:
+                low = share
+        return low
+
+    @njit(parallel=True, error_model="numpy", cache=True)
+    def drop_share(particles, stress, insitu, to_face, material, intact_rows, residual_rows, share):
+        """Share of differential stress that particles (k,) lose as they fail: share (k,), written.
+
+        One less residual over intact strength, both at the confinement that acts at the face, whose stress is that of
+        the particle and to_face (k, 6) Pa. Tension there counts as no confinement.
+        """
+        for i in prange(len(particles)):
+            p = particles[i]
+            at_face = judged_stress(stress, insitu, p, to_face, i)
+            largest = principal_stresses(*at_face)[0]
+            confinement = min(largest, 0.0)
+            intact = supported(at_face, largest, confinement, strength_of(intact_rows, material[p], length))
+            residual = supported(at_face, largest, confinement, strength_of(residual_rows, material[p], length))
+            share[i] = 1.0 - residual / intact if intact > 0.0 else 1.0
+
+    return drop_share
 
 
 @functools.cache
@@ -152,46 +217,26 @@ def make_drop(law):
         """
         for i in range(len(particles)):
             p = particles[i]
-            xx, yy, zz, yz, xz, xy = total_stress(stress, insitu, p, p)
-            own = (xx, yy, zz, yz, xz, xy)
+            own = total_stress(stress, insitu, p, p)
+            xx, yy, zz, yz, xz, xy = judged_stress(stress, insitu, p, to_front, i)
             m = material[p]
             lame, shear = elastic_constants[m, 0], elastic_constants[m, 1]
             residual_row = strength_of(residual_rows, m, length)
             peak, residual, overshoot, seismic, _ = brittle_drop(
-                law.return_to_surface,
-                xx + to_front[i, 0],
-                yy + to_front[i, 1],
-                zz + to_front[i, 2],
-                yz + to_front[i, 3],
-                xz + to_front[i, 4],
-                xy + to_front[i, 5],
-                lame,
-                shear,
-                strength_of(intact_rows, m, length),
+                law.return_to_surface, xx, yy, zz, yz, xz, xy, lame, shear, strength_of(intact_rows, m, length),
                 residual_row,
-            )
-            xx, yy, zz, yz, xz, xy, _ = law.return_to_surface(
+            )  # fmt: skip
+            xx, yy, zz, yz, xz, xy = (
                 residual[0] - to_front[i, 0],
                 residual[1] - to_front[i, 1],
                 residual[2] - to_front[i, 2],
                 residual[3] - to_front[i, 3],
                 residual[4] - to_front[i, 4],
                 residual[5] - to_front[i, 5],
-                lame,
-                shear,
-                residual_row,
             )
-            after = (xx, yy, zz, yz, xz, xy)
-            rest = strain_from_stress(
-                lame,
-                shear,
-                residual[0] - to_front[i, 0] - xx,
-                residual[1] - to_front[i, 1] - yy,
-                residual[2] - to_front[i, 2] - zz,
-                residual[3] - to_front[i, 3] - yz,
-                residual[4] - to_front[i, 4] - xz,
-                residual[5] - to_front[i, 5] - xy,
-            )
+            rxx, ryy, rzz, ryz, rxz, rxy, _ = law.return_to_surface(xx, yy, zz, yz, xz, xy, lame, shear, residual_row)
+            after = (rxx, ryy, rzz, ryz, rxz, rxy)
+            rest = strain_from_stress(lame, shear, xx - rxx, yy - ryy, zz - rzz, yz - ryz, xz - rxz, xy - rxy)
             energy[i] = 0.0
             for k in range(6):
                 twice = 1.0 if k < 3 else 2.0  # shear stands twice in a tensor

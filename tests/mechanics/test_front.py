@@ -7,20 +7,25 @@ from mechanics.scenes import COULOMB, ball, box, excavation, grid_around, make_m
 from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.body import Body
-from mpm_core.equilibrium.brittle import fail, find_brittle, judged_at, new_failures
-from mpm_core.equilibrium.front import REACH, front_of
+from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures, stress_to_front
+from mpm_core.equilibrium.front import front_of
 from mpm_core.grid.adjacency import face_neighbors
 
 CELL = 2.0
+PERFECT = COULOMB | {key: {"intact": COULOMB[key]["intact"], "residual": COULOMB[key]["intact"]}
+                     for key in ("friction_angle", "cohesion", "tension_cutoff")}  # fmt: skip
+
+
+def wall(dimension: int, host: dict = COULOMB):
+    """A block of single cells in which those below x = 6 m are mined."""
+    shape = box([0.0] * dimension, [6.0] + [16.0] * (dimension - 1))
+    scene = make_scene({2: "xz", 3: None}[dimension], host=host, excavations=[excavation()])
+    return make_model(scene, grid_around([], [8] * dimension, 1, CELL), [shape])
 
 
 @pytest.fixture(params=[2, 3])
 def model(request):
-    """A block of single cells in which those below x = 6 m are mined."""
-    dimension = request.param
-    shape = box([0.0] * dimension, [6.0] + [16.0] * (dimension - 1))
-    scene = make_scene({2: "xz", 3: None}[dimension], host=COULOMB, excavations=[excavation()])
-    return make_model(scene, grid_around([], [8] * dimension, 1, CELL), [shape])
+    return wall(request.param)
 
 
 def brittle_of(model):
@@ -32,15 +37,27 @@ def linear(model, slopes) -> np.ndarray:
     return np.outer(model.particles.position[:, 0], slopes) - model.insitu
 
 
-def test_a_linear_stress_is_met_exactly_towards_the_wall(model):
-    """On the wall's cells REACH of a cell nearer to it; elsewhere at the centre."""
+def compress(model, state, share: float, slope: float = 0.1, confinement: float = 0.0):
+    """Compression along z of `share` times strength in the wall's row, less by `slope` in each row behind; and where
+    that row is."""
+    friction, strength = model.intact_rows[0][[0, 2]]
+    x = model.particles.position[:, 0]
+    total = np.full((len(x), 6), 0.0)
+    total[:, :3] = -confinement
+    total[:, 2] = -share * (friction * confinement + strength) * (1.0 - slope * (x - 7.0) / CELL)
+    state.stress[:] = total - model.insitu
+    return total, np.flatnonzero((x < 8.0) & (model.volumes(0) > 0.0))
+
+
+def test_a_linear_stress_is_met_exactly_at_the_face(model):
+    """On the wall's cells half a cell nearer to it; elsewhere at the centre."""
     state, slopes = model.virgin_state(), np.array([1e6, -2e6, 3e6, 0.5e6, -0.25e6, 4e6])
     state.stress[:] = linear(model, slopes)
     rock = np.flatnonzero(model.volumes(0) > 0.0)
-    change = front_of(model, 0).stress_change(model, state, rock)
+    change = front_of(model, 0).stress_to_face(model, state, rock)
     at_wall = model.particles.position[rock, 0] < 8.0
     assert at_wall.any()
-    np.testing.assert_allclose(change[at_wall], np.tile(-REACH * CELL * slopes, (at_wall.sum(), 1)), atol=1e-6)
+    np.testing.assert_allclose(change[at_wall], np.tile(-0.5 * CELL * slopes, (at_wall.sum(), 1)), atol=1e-6)
     assert not change[~at_wall].any()
 
 
@@ -51,11 +68,34 @@ def test_the_front_moves_on_with_failed_rock(model):
     x = model.particles.position[:, 0]
     state.failed[(x > 6.0) & (x < 8.0) & (model.volumes(0) > 0.0)] = 0
     rock = np.flatnonzero((x > 8.0) & (model.volumes(0) > 0.0))
-    change = front_of(model, 0).stress_change(model, state, rock)
-    np.testing.assert_allclose(change[:, 0], np.where(x[rock] < 10.0, -REACH * CELL * 1e6, 0.0), atol=1e-6)
+    change = front_of(model, 0).stress_to_face(model, state, rock)
+    np.testing.assert_allclose(change[:, 0], np.where(x[rock] < 10.0, -0.5 * CELL * 1e6, 0.0), atol=1e-6)
     state.failed[(x > 10.0) & (x < 12.0)] = 0  # a row between two fronts has no sound rock behind it
     between = np.flatnonzero((x > 8.0) & (x < 10.0))
-    assert not front_of(model, 0).stress_change(model, state, between).any()
+    assert not front_of(model, 0).stress_to_face(model, state, between).any()
+
+
+@pytest.mark.parametrize("confinement", [0.0, 1e6, 5e6])
+def test_rock_is_judged_as_near_to_the_face_as_its_drop_says(confinement):
+    """One less residual strength over strength, both at this confinement, of the way from the centre to the face."""
+    model = wall(3)
+    state, brittle = model.virgin_state(), brittle_of(model)
+    total, row = compress(model, state, 0.99, confinement=confinement)
+    friction, strength = model.intact_rows[0][[0, 2]]
+    friction_left, strength_left = model.residual_rows[0][[0, 2]]
+    drop = 1.0 - ((friction_left - 1.0) * confinement + strength_left) / ((friction - 1.0) * confinement + strength)
+    to_front = stress_to_front(model, state, brittle, row)
+    np.testing.assert_allclose(to_front[:, 2], 0.05 * drop * total[row, 2], rtol=1e-4)
+    assert not to_front[:, [0, 1, 3, 4, 5]].any()
+
+
+def test_rock_that_loses_no_strength_is_judged_at_its_centre():
+    """No drop: the front of perfectly plastic rock has no jump in stress."""
+    model = wall(2, PERFECT)
+    state, brittle = model.virgin_state(), brittle_of(model)
+    _, row = compress(model, state, 0.99)
+    assert not len(new_failures(model, state, brittle))
+    np.testing.assert_allclose(stress_to_front(model, state, brittle, row), 0.0, atol=100.0)
 
 
 def test_rock_below_its_strength_at_the_centre_fails_by_the_stress_at_the_front_and_drops_from_it(model):
@@ -63,51 +103,65 @@ def test_rock_below_its_strength_at_the_centre_fails_by_the_stress_at_the_front_
     strain is the compliance times the drop at the front; its own stress falls by as much, to residual strength at most.
     """
     state, brittle = model.virgin_state(), brittle_of(model)
-    strength = model.intact_rows[0][2]  # uniaxial
-    position, at_wall = model.particles.position, model.particles.position[:, 0] < 8.0
-    total = np.zeros((len(position), 6))
-    total[:, 2] = -0.99 * strength * (1.0 - 0.1 * (position[:, 0] - 7.0) / CELL)
-    state.stress[:] = total - model.insitu
-    wall = np.flatnonzero(at_wall & (model.volumes(0) > 0.0))
-    assert new_failures(model, state, brittle).tolist() == wall.tolist()
-    change = judged_at(model, state, brittle, wall)
-    np.testing.assert_allclose(total[wall, 2] + change[:, 2], -0.99 * strength * (1.0 + 0.1 * REACH), rtol=1e-12)
-
+    total, row = compress(model, state, 0.99)
+    assert new_failures(model, state, brittle).tolist() == row.tolist()
     body = Body(model, state, model.volumes(0))
-    fail(body, brittle, wall, 0, 1, 0)
-    after = state.stress[wall] + model.insitu[wall]
+    fail(body, brittle, row, 0, 1, 0)
+    after = state.stress[row] + model.insitu[row]
     lame, shear = model.elastic_constants[0]
-    lost = np.stack(strain_from_stress(lame, shear, *(total[wall] - after).T), axis=1)
-    np.testing.assert_allclose(state.overshoot_strain[wall] + state.seismic_strain[wall], lost, atol=1e-12)
-    assert max(overstress(*row, model.residual_rows[0]) for row in after) <= 1.0  # Pa
-    assert state.seismic_strain[wall, 2].max() < -0.1 * strength / (2.0 * shear)
+    lost = np.stack(strain_from_stress(lame, shear, *(total[row] - after).T), axis=1)
+    np.testing.assert_allclose(state.overshoot_strain[row] + state.seismic_strain[row], lost, atol=1e-12)
+    assert max(overstress(*one, model.residual_rows[0]) for one in after) <= 1.0  # Pa
+    assert state.seismic_strain[row, 2].max() < -0.1 * model.intact_rows[0][2] / (2.0 * shear)
 
 
-def test_a_mirrored_mine_has_mirrored_changes():
-    """Random stress beside a round opening, cut cells included."""
-    shapes = {True: [ball([15.0, 17.0], 6.3)], False: [ball([17.0, 17.0], 6.3)]}
-    models = {
-        mirrored: make_model(
-            make_scene("xz", host=COULOMB, excavations=[excavation()]), grid_around([], [16, 16], 1, CELL), shape
-        )
-        for mirrored, shape in shapes.items()
-    }
-    own, other = models[False], models[True]
-    value = np.random.default_rng(0).normal(size=(len(own.particles.cell), 6)) * 1e6
-    centre = own.grid.cell_center[own.particles.cell]
-    image = np.argmin(
-        (
-            (other.grid.cell_center[other.particles.cell][:, None] - np.array([32.0, 0.0]) * [1, 0] + centre * [1, -1])
-            ** 2
-        ).sum(axis=2),
-        axis=0,
-    )
-    sign = np.array([1, 1, 1, 1, -1, -1])
-    state, mirrored = own.virgin_state(), other.virgin_state()
-    state.stress[:] = value - own.insitu
-    mirrored.stress[image] = value * sign - other.insitu[image]
-    rock = np.arange(len(value))
-    change = front_of(own, 0).stress_change(own, state, rock)
-    found = front_of(other, 0).stress_change(other, mirrored, image)
+IMAGES = {  # The place of a point, and the order and sign of stress components there.
+    "mirrored": (lambda x: x * [-1, 1] + [32.0, 0.0], [0, 1, 2, 3, 4, 5], [1, 1, 1, 1, -1, -1]),
+    "turned": (lambda x: x[:, ::-1] * [-1, 1] + [32.0, 0.0], [1, 0, 2, 4, 3, 5], [1, 1, 1, 1, -1, -1]),
+    "ten times as large": (lambda x: 10.0 * x, [0, 1, 2, 3, 4, 5], [1, 1, 1, 1, 1, 1]),
+    "in two solids": (lambda x: x, [0, 1, 2, 3, 4, 5], [1, 1, 1, 1, 1, 1]),
+}
+
+
+def round_opening(center, radius: float, cell: float, solids: int):
+    """A block of 16 x 16 cells with a round opening, in one solid or in two halves."""
+    whole = ball(center, radius)
+    halves = [lambda x: whole(x) & (x[..., 0] < center[0]), lambda x: whole(x) & (x[..., 0] >= center[0])]
+    scene = make_scene("xy", host=COULOMB, excavations=[excavation(name=f"void_{k}") for k in range(solids)])
+    return make_model(scene, grid_around([], [16, 16], 1, cell), [whole] if solids == 1 else halves)
+
+
+def front_by_cell(model, stress, failed) -> tuple[np.ndarray, np.ndarray]:
+    """Change of stress to where rock is judged (cell, 6), and the cells that fail now, (cell,) bool; stress, failed:
+    by cell."""
+    state, brittle, cell = model.virgin_state(), brittle_of(model), model.particles.cell
+    rock = model.can_fail() & (model.volumes(0) > 0.0)
+    state.stress[:] = stress[cell] - model.insitu
+    state.failed[rock & failed[cell]] = 0
+    sound = np.flatnonzero(rock & (state.failed < 0))
+    change, fresh = np.zeros_like(stress), np.zeros(len(stress), bool)
+    change[cell[sound]] = stress_to_front(model, state, brittle, sound)
+    fresh[cell[new_failures(model, state, brittle)]] = True
+    return change, fresh
+
+
+@pytest.mark.parametrize("image", IMAGES)
+def test_the_image_of_a_mine_has_the_image_of_its_front(image):
+    """Random stress around a round opening, with cut cells and failed rock: the same but for round-off."""
+    place, order, sign = IMAGES[image]
+    center, scale = np.array([[17.0, 16.3]]), 10.0 if image == "ten times as large" else 1.0
+    model = round_opening(center[0], 6.3, CELL, 1)
+    other = round_opening(place(center)[0], 6.3 * scale, CELL * scale, 2 if image == "in two solids" else 1)
+    distance = np.abs(other.grid.cell_center[None] - place(model.grid.cell_center)[:, None]).sum(axis=2)
+    assert (distance.min(axis=1) < 1e-9).all()
+    to = distance.argmin(axis=1)
+    random = np.random.default_rng(0)
+    stress, failed = random.normal(size=(256, 6)) * 1e7, random.random(256) < 0.2
+    stress_there, failed_there = np.empty_like(stress), np.empty_like(failed)
+    stress_there[to], failed_there[to] = stress[:, order] * sign, failed
+    change, fresh = front_by_cell(model, stress, failed)
+    change_there, fresh_there = front_by_cell(other, stress_there, failed_there)
     assert (change != 0.0).any()
-    np.testing.assert_allclose(found, change * sign, atol=1e-6)
+    assert fresh.any()
+    np.testing.assert_allclose(change_there[to], change[:, order] * sign, atol=1.0)  # Pa
+    assert (fresh_there[to] == fresh).all()
