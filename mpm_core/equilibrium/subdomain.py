@@ -278,6 +278,7 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
         cell_groups=np.argsort(group_cell, kind="stable").astype(np.int32),
         modes=particles.modes,
         slopes=particles.slopes,
+        spreads=particles.spreads,
         shared_rows=particles.shared_rows,
         distorted=particles.distorted.of(chosen, number),
     ), indices

@@ -7,7 +7,7 @@ from numba import njit, prange
 
 from mpm_core.constitutive.elastic import ELASTIC, contraction, energy_density, strain_from_stress, stress_increment
 from mpm_core.constitutive.general import strength_of
-from mpm_core.kernels.modes import to_modes
+from mpm_core.kernels.modes import hourglass_share, to_modes
 
 ENTRIES_PER_CHUNK = 8192  # Entries are summed one after the other within chunks, whose sums are then added in order.
 FLOW_PATH_PARTS = 8  # The strain of a path with flow is applied in this many parts.
@@ -186,9 +186,13 @@ def make_flow_energy(law):
 @njit(parallel=True, error_model="numpy", cache=True)
 def energy_of_hourglass(force, stiffness, energy):
     """Energy (cell,) J of hourglass forces (cell, mode, d) N, written; none without stiffness (cell,) N/m."""
+    dimension = force.shape[2]
     for cell in prange(len(force)):
         squares = 0.0
-        for mode in range(force.shape[1]):
-            for j in range(force.shape[2]):
-                squares += force[cell, mode, j] ** 2
+        mode = 0
+        for m in range(1 << dimension):
+            if (m & (m - 1)) != 0:
+                for j in range(dimension):
+                    squares += force[cell, mode, j] ** 2 / hourglass_share(m, j)
+                mode += 1
         energy[cell] = 0.5 * squares / stiffness[cell] if stiffness[cell] > 0.0 else 0.0

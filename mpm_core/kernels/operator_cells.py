@@ -125,7 +125,7 @@ def make_add_patterns(dimension):
         in.
 
         batch_start (block + 1,), places: see flow_rows.subtract_tangents; patterns p (batch * 2^d * LANES,) of the
-        modes; stiffness g (batch * LANES,). One precision throughout.
+        modes; stiffness g (batch * d * LANES,) by axis. One precision throughout.
         """
         for block in prange(len(batch_start) - 1):
             work = np.zeros(held + 3 * W, values.dtype)
@@ -137,7 +137,7 @@ def make_add_patterns(dimension):
                     total = fill(work, 0.0)
                     for mode in range(1, corners):
                         total += load(work, (dimension * mode + j) * W) * load(patterns, start + mode * W)
-                    store(work, held + j * W, load(stiffness, batch * W) * total)
+                    store(work, held + j * W, load(stiffness, (batch * dimension + j) * W) * total)
                 for mode in range(corners):
                     for j in range(dimension):
                         pattern = load(patterns, start + mode * W)

@@ -8,10 +8,11 @@ cell with modal sums a of the displacement (mode: product of local coordinates; 
     quadratic   f_xy = (p a_xy,x + q a_yz,z ; p a_xy,y + q a_xz,z ; r a_xy,z + w (a_xz,y + a_yz,x))    and so on
     cubic       f_xyz = v a_xyz
 
-with p = s (l + 3 m) + g, q = s l, w = s m, r = 2 s m + g, v = s^2 (l + 4 m) + g. l and m are sums of lambda V and mu V
-over the cell's particles times (2 / (8 h))^2, g is the hourglass stiffness in the same terms, and s the mean square of
-a particle's local coordinate: 0 for one particle at the centre, (1 - 1/n^2) / 3 for n^3 at sub-cell centres. All other
-means of products vanish by symmetry: the form is exact, and the same for every number of particles.
+with p = s (l + 3 m) + g, q = s l, w = s m, r = 2 s m + 2 g / 3 (modes.hourglass_share), v = s^2 (l + 4 m) + g. l and m
+are sums of lambda V and mu V over the cell's particles times (2 / (8 h))^2, g is the hourglass stiffness in the same
+terms, and s the mean square of a particle's local coordinate: 0 for one particle at the centre, (1 - 1/n^2) / 3 for n^3
+at sub-cell centres. All other means of products vanish by symmetry: the form is exact, and the same for every number of
+particles.
 
 In plane strain a group has 9 nodes. Per cell
 
@@ -24,10 +25,12 @@ where the factor of l and m is (2 / (4 h))^2.
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.kernels.modes import TWIST_SHARE
 from mpm_core.simd.lanes import LANES as W
 from mpm_core.simd.lanes import (
     add_to_points_2,
     add_to_points_3,
+    fill,
     gather_points_2,
     gather_points_3,
     load,
@@ -124,8 +127,8 @@ def _cell_forces(work, source, target, first, lame, shear, stiffness, s):
     sxx, syy, szz = volumetric + double * xx, volumetric + double * yy, volumetric + double * zz
     sxy, sxz, syz = shear * (xy + yx), shear * (xz + zx), shear * (yz + zy)
     q, w = s * lame, s * shear
-    r = w + w + stiffness
-    p = q + w + r
+    r = w + w + fill(work, TWIST_SHARE) * stiffness
+    p = q + w + w + w + stiffness
     v = s * (q + w + w + w + w) + stiffness
     twist = w * (dz + ey + fx)
     rest = r - w

@@ -3,7 +3,7 @@
 A field on a cell is handled by its modes: the 2^d products of local coordinates xi_k (Walsh-Hadamard transform of the
 corner values). Mode m is the product of those xi_k whose bit k is set in m; its derivative along xi_k is mode m without
 bit k. One particle at the centre sees the linear modes only; the others are the hourglass modes, held by a stiffness of
-their own (Flanagan and Belytschko 1981): 4 kappa (lambda + 2 mu) V / h^2 per unit of modal amplitude.
+their own (Flanagan and Belytschko 1981), with which a cell bends as a plate does (model.particles.bending_stiffness).
 
 "Stress" here is what enters the force: the change since virgin for rock, the full stress for fill.
 """
@@ -15,6 +15,7 @@ from numba import njit, prange
 
 from mpm_core.constitutive.elastic import ELASTIC, contraction, strain_from_stress, stress_increment
 from mpm_core.constitutive.general import strength_of
+from mpm_core.kernels.modes import hourglass_share
 
 
 @njit(error_model="numpy", inline="always")
@@ -208,22 +209,27 @@ def make_update(law, dimension: int):
 
                 if hourglass_stiffness[cell] > 0.0 and pattern_row[cell] >= 0:
                     gain = hourglass_stiffness[cell] * time_step / modes
-                    for mode in range(patterns.shape[1]):
-                        for j in range(dimension):
-                            total = 0.0
-                            for m in range(modes):
-                                total += patterns[pattern_row[cell], mode, m] * amplitude[m, j]
-                            held = hourglass_force[cell, mode, j] + gain * total
-                            hourglass_force[cell, mode, j] = held
-                            for m in range(modes):
-                                force[m, j] += patterns[pattern_row[cell], mode, m] * held / modes
+                    mode = 0
+                    for higher in range(1, modes):
+                        if (higher & (higher - 1)) != 0:
+                            for j in range(dimension):
+                                total = 0.0
+                                for m in range(modes):
+                                    total += patterns[pattern_row[cell], mode, m] * amplitude[m, j]
+                                share = hourglass_share(higher, j)
+                                held = hourglass_force[cell, mode, j] + gain * share * total
+                                hourglass_force[cell, mode, j] = held
+                                for m in range(modes):
+                                    force[m, j] += patterns[pattern_row[cell], mode, m] * held / modes
+                            mode += 1
                 elif hourglass_stiffness[cell] > 0.0:
                     gain = hourglass_stiffness[cell] * time_step / modes
                     mode = 0
                     for m in range(1, modes):
                         if (m & (m - 1)) != 0:
                             for j in range(dimension):
-                                held = hourglass_force[cell, mode, j] + gain * amplitude[m, j]
+                                share = hourglass_share(m, j)
+                                held = hourglass_force[cell, mode, j] + gain * share * amplitude[m, j]
                                 hourglass_force[cell, mode, j] = held
                                 force[m, j] += held / modes
                             mode += 1

@@ -23,6 +23,8 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, ROCK_OWNER, Changes, Pieces
 from mpm_core.scene.scene import Scene
 
+MIN_SPREAD = 1.0 / 6.0  # With less, thin parts of cells come loose from the rock that they are part of when it fails.
+
 
 @dataclass(frozen=True)
 class Particles:
@@ -36,7 +38,8 @@ class Particles:
     cell_groups_start (cell + 1,), cell_groups: groups of each cell; modes (row, 2^d): value of each mode
     (kernels/modes.py) at a point, or its mean over samples; slopes (row, 2^d, d): what a field's modal sums are
     multiplied by to give its derivative along each axis (`slopes_of`); the first shared_rows of both are points of many
-    groups, each of the others is one group's own. distorted: cells that are no cubes.
+    groups, each of the others is one group's own. spreads (row,): see `least_spreads`, 1 in the shared rows. distorted:
+    cells that are no cubes.
     """
 
     cell: np.ndarray
@@ -53,6 +56,7 @@ class Particles:
     cell_groups: np.ndarray
     modes: np.ndarray
     slopes: np.ndarray
+    spreads: np.ndarray
     shared_rows: int
     distorted: DistortedCells
 
@@ -71,6 +75,14 @@ class Particles:
         """Row of `modes` that each particle has, (particle,) int64."""
         first = np.repeat(self.group_table - self.group_start[:-1], np.diff(self.group_start))
         return first + np.arange(self.count)
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Spread of what each particle stands for, (particle,): see `least_spreads`."""
+        spread = np.ones(self.count)
+        own = np.flatnonzero(self.group_table >= self.shared_rows)
+        spread[self.group_start[own]] = self.spreads[self.group_table[own]]
+        return spread
 
 
 def point_table(per_edge: int, dimension: int) -> np.ndarray:
@@ -92,6 +104,18 @@ def mean_modes(samples: np.ndarray, dimension: int) -> np.ndarray:
     table = mode_table(point_table(round(SAMPLES_PER_CELL ** (1 / dimension)), dimension))
     held = (samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)
     return held.astype(float) @ table / np.bitwise_count(samples)[:, None]
+
+
+def least_spreads(samples: np.ndarray, dimension: int) -> np.ndarray:
+    """Variance of place along the axis on which sets of samples (k,) uint64, none empty, are thinnest: (k,), 1 for the
+    whole cell, f^2 for a layer of the thickness f h, which bends by it with the cube of its thickness. Not above 1 nor
+    below MIN_SPREAD."""
+    per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
+    table = point_table(per_edge, dimension)
+    held = ((samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)).astype(float)
+    count = np.bitwise_count(samples)[:, None]
+    variance = held @ table**2 / count - (held @ table / count) ** 2
+    return np.clip(3.0 * variance.min(axis=1, initial=1.0) + 1.0 / per_edge**2, MIN_SPREAD, 1.0)
 
 
 def centroids(modes: np.ndarray) -> np.ndarray:
@@ -202,6 +226,7 @@ def seed(
         cell_groups=cell_groups,
         modes=modes,
         slopes=slopes_of(modes),
+        spreads=np.ones(len(points)),
         shared_rows=len(points),
         distorted=distorted,
     )
@@ -246,6 +271,7 @@ def at_step(particles: Particles, changes: Changes, step: int, grid: MultiLevelG
         group_table=table,
         modes=np.concatenate([particles.modes[:first], modes]),
         slopes=np.concatenate([particles.slopes[:first], slopes]),
+        spreads=np.concatenate([particles.spreads[:first], least_spreads(held, grid.dimension)]),
     )
 
 
@@ -313,8 +339,8 @@ def step_stiffness(particles: Particles, elastic_constants: np.ndarray) -> np.nd
     stiffness[lone] /= 1.0 - np.abs(particles.xi[lone]).max(axis=1, initial=0.0) ** 2
     own = np.flatnonzero(particles.group_table >= particles.shared_rows)
     first = particles.group_start[own]
-    share = 0.25 * bending_stiffness(lame[first], shear[first]) / stiffness[first]
     rows = particles.group_table[own]
+    share = 0.25 * bending_stiffness(lame[first], shear[first]) * particles.spreads[rows] / stiffness[first]
     stiffness[first] *= own_stiffening(particles.modes[rows], particles.slopes[rows], share)
     return stiffness
 

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from mpm_core.kernels.flow_rows import SUBTRACT_TANGENTS
+from mpm_core.kernels.modes import hourglass_shares
 from mpm_core.kernels.operator_cells import ADD_PATTERNS
 from mpm_core.multigrid.siblings import Siblings
 from mpm_core.simd.lanes import LANES
@@ -85,26 +86,31 @@ def pack(
 
 @dataclass(frozen=True)
 class Patterns:
-    """Hourglass patterns of distorted cells and their stiffness: see kernels.operator_cells."""
+    """Hourglass patterns of distorted cells and their stiffness: see kernels.operator_cells. shares (k, d): of each
+    pattern's stiffness along each axis."""
 
     dimension: int
     places: Places
     patterns: np.ndarray
+    shares: np.ndarray
     stiffness: np.ndarray
 
     @classmethod
     def of(cls, siblings: Siblings, cells: np.ndarray, patterns: np.ndarray, precision) -> "Patterns":
-        """Patterns (k, 2^d) of the modes, of cells (k,); without stiffness yet."""
-        places = places_of(siblings, cells)
-        none = np.zeros((len(cells), 1))
-        return cls(
-            patterns.shape[1].bit_length() - 1, places, places.of(patterns, precision), places.of(none, precision)
-        )
+        """Patterns (cell, mode, 2^d) of cells (cell,); without stiffness yet."""
+        count, corners = patterns.shape[1:]
+        dimension = corners.bit_length() - 1
+        places = places_of(siblings, np.repeat(cells, count))
+        shares = np.tile(hourglass_shares(dimension), (len(cells), 1))
+        none = places.of(np.zeros_like(shares), precision)
+        return cls(dimension, places, places.of(patterns.reshape(-1, corners), precision), shares, none)
 
     def set_stiffness(self, stiffness: np.ndarray) -> None:
-        """Take over g (k,) of the patterns."""
+        """Take over g (cell,) of the cells."""
         places = self.places
-        self.stiffness[places.batch * LANES + places.lane] = stiffness[places.order]
+        each = np.repeat(stiffness, len(self.shares) // len(stiffness))[:, None] * self.shares
+        lanes = self.stiffness.reshape(-1, self.dimension, LANES)
+        lanes[places.batch, :, places.lane] = each[places.order]
 
     def add(self, values: np.ndarray, forces: np.ndarray) -> None:
         """Add their part to elastic forces at displacement `values`, copies filled in; flat arrays."""

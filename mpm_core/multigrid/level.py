@@ -115,8 +115,7 @@ class Operator:
         self.distorted = cells.distorted
         self.patterns = None
         if len(cells.distorted):
-            each = np.repeat(cells.distorted, cells.patterns.shape[1])
-            self.patterns = Patterns.of(siblings, each, cells.patterns.reshape(-1, corners), self.precision)
+            self.patterns = Patterns.of(siblings, cells.distorted, cells.patterns, self.precision)
             self.set_patterns(cells.constants[cells.distorted, 2])
         if cells.averaged is None:
             if cells.parts is not None:
@@ -130,7 +129,7 @@ class Operator:
         assert self.patterns is not None
         place = self.siblings.cell_place[self.distorted]
         self.constants[place // LANES, 2, place % LANES] = 0.0
-        self.patterns.set_stiffness(np.repeat(constants, len(self.patterns.places.order) // len(constants)))
+        self.patterns.set_stiffness(constants)
 
     def set_hourglass(self, cells: np.ndarray, constants: np.ndarray) -> None:
         """Take over g (k,) of some cells (k,), none of them distorted."""

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 from threadpoolctl import ThreadpoolController
 
+from mpm_core.kernels.modes import hourglass_shares
 from mpm_core.kernels.operator_cells import sum_cell_stiffness
 from mpm_core.model.particles import mode_table, slopes_of
 from mpm_core.multigrid.coarsening import LevelGrid
@@ -106,7 +107,10 @@ def cell_matrices(cells: ElasticCells, chosen: np.ndarray, dimension: int) -> np
     for one, irregular in zip(own, place[own], strict=True):
         assert cells.parts is not None  # there are irregular cells
         matrices[one] = cells.parts.stiffness(irregular, irregular + 1)[0]
-    return matrices + constants[:, 2, None, None] * np.kron(higher.T @ higher, np.eye(dimension))
+    hourglass = np.zeros((corners, dimension, corners, dimension))
+    axes = np.arange(dimension)
+    hourglass[:, axes, :, axes] = np.einsum("mj,ma,mb->jab", hourglass_shares(dimension), higher, higher)
+    return matrices + constants[:, 2, None, None] * hourglass.reshape(matrices.shape[1:])
 
 
 def _unit_matrices(spread: float, dimension: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from numba import njit, prange
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import corner_offsets
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.kernels.modes import hourglass_shares
 from mpm_core.kernels.nodal_operations import spread_to_hanging
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Unsupported
@@ -314,4 +315,5 @@ def elastic_hourglass(model: Model, displacement: np.ndarray, cells: np.ndarray)
     amplitude, row = sums[:, modes], model.particles.distorted.rows(cells)
     bent = np.flatnonzero(row >= 0)
     amplitude[bent] = np.einsum("kmn,knj->kmj", model.hourglass_patterns[row[bent]], sums[bent])
-    return amplitude * np.where(alone, stiffness / corners, 0.0)[:, None, None]
+    shares = hourglass_shares(model.dimension)
+    return amplitude * shares * np.where(alone, stiffness / corners, 0.0)[:, None, None]

@@ -176,7 +176,7 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     mined = model.at(step)
     volume, target = mined.volumes(step), external_force(mined, step)
     if step > before:
-        mined_hourglass = release_mined_hourglass(scheme.body, volume)
+        mined_hourglass = release_mined_hourglass(scheme.body, mined, volume)
         if mined is model:
             scheme.set_volume(volume)
         else:
@@ -268,20 +268,22 @@ def follow_walls(old: Model, new: Model, state: State) -> None:
     state.stress[intact] = elastic_stress(new, state.displacement, intact)
 
 
-def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
+def release_mined_hourglass(body: Body, mined: Model, volume: np.ndarray) -> float:
     """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness.
 
-    body: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
+    body: with the volumes before; mined: the model after, in which volume (particle,) stays. Returns the energy that
+    goes with them, J.
     """
     model, state = body.model, body.state
     lame, shear = model.elastic_constants[model.particles.material].T
     stiffness, cells = bending_stiffness(lame, shear), len(model.cell_nodes)
-    old = np.bincount(model.particles.cell, stiffness * body.volume, minlength=cells)
-    kept = np.bincount(model.particles.cell, stiffness * np.minimum(body.volume, volume), minlength=cells)
+    before, after = model.particles.spread * body.volume, mined.particles.spread * volume
+    old = np.bincount(model.particles.cell, stiffness * before, minlength=cells)
+    kept = np.bincount(model.particles.cell, stiffness * np.minimum(before, after), minlength=cells)
     share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)
-    mined = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, body.hourglass))
+    gone = np.sum((1.0 - share) * hourglass_energies(state.hourglass_force, body.hourglass))
     state.hourglass_force *= share[:, None, None]
-    return float(mined)
+    return float(gone)
 
 
 def stored(body: Body, counted: Callable[[Model], np.ndarray] | None = None) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mpm_core.kernels.modes import hourglass_shares
 from mpm_core.multigrid.cell_entries import Patterns, pack, places_of
 from mpm_core.multigrid.coarsening import finest_grid
 from mpm_core.multigrid.level import Operator
@@ -19,22 +20,24 @@ def siblings_of(dimension: int):
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("precision", [np.float32, np.float64])
 def test_patterns_act_as_tangents_of_one_component_each(dimension, precision):
-    """The same bits: slopes that are the pattern along each axis, and a matrix of -g for the strains along the axes;
-    set anew, as well."""
+    """The same bits: slopes that are the pattern along each axis, and a matrix of -g for the strains along the axes,
+    of its share where the pattern twists; set anew, as well."""
     siblings, random, corners = siblings_of(dimension), np.random.default_rng(dimension), 1 << dimension
-    cells = np.repeat(np.sort(random.choice(len(siblings.cell_place), 40, replace=False)), 3)
-    patterns = random.standard_normal((len(cells), corners))
-    patterns[:, 0] = 0.0
+    cells = np.sort(random.choice(len(siblings.cell_place), 40, replace=False))
+    shares = hourglass_shares(dimension)
+    patterns = random.standard_normal((len(cells), len(shares), corners))
+    patterns[:, :, 0] = 0.0
     operator = Operator(siblings, dimension, precision)
     values = random.standard_normal(len(operator.zeros())).astype(precision)
     packed = Patterns.of(siblings, cells, patterns, precision)
     for _ in range(2):
         stiffness = random.random(len(cells)) * 1e9
-        matrices = np.zeros((len(cells), 36))
-        matrices[:, [0, 7, 14][:dimension]] = -stiffness[:, None]
-        slopes = np.repeat(patterns[:, :, None], dimension, axis=2)
+        matrices = np.zeros((len(cells), len(shares), 36))
+        matrices[:, :, [0, 7, 14][:dimension]] = -stiffness[:, None, None] * shares
+        slopes = np.repeat(patterns.reshape(-1, corners, 1), dimension, axis=2)
         expected, found = operator.zeros(), operator.zeros()
-        pack(siblings, cells, slopes, matrices, precision).take_off(values, expected)
+        each = np.repeat(cells, len(shares))
+        pack(siblings, each, slopes, matrices.reshape(-1, 36), precision).take_off(values, expected)
         packed.set_stiffness(stiffness)
         packed.add(values, found)
         assert np.abs(expected).max() > 1e8
