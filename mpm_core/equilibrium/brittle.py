@@ -6,7 +6,7 @@ import numpy as np
 
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.energy_balance import dissipate, hourglass_energies
-from mpm_core.equilibrium.front import Front, front_of
+from mpm_core.equilibrium.front import REACH, Front, front_of
 from mpm_core.equilibrium.perturbation import strength_perturbation
 from mpm_core.kernels.failure import (
     any_neighbor,
@@ -86,7 +86,7 @@ def stress_to_front(model: Model, state: State, brittle: Brittle, particles: np.
         some, state.stress, model.insitu, change[near], model.particles.material, model.intact_rows,
         model.residual_rows, part,
     )  # fmt: skip
-    to_front = part[:, None] * change[near]
+    to_front = REACH * part[:, None] * change[near]
     to_front[overstress(model, state, some, to_front) <= overstress(model, state, some)] = 0.0
     change[:] = 0.0
     change[near] = to_front

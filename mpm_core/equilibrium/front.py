@@ -1,13 +1,14 @@
 """The front of failing rock: the faces between sound rock and rock that has failed or is gone.
 
 Stress is largest at the front, but a cell knows that at its centre, and the front moves on by whole cells. Judged at
-their centres, cells hold the front too early; judged at the face, too late. In closed form (round tunnel, spherical
-cavity) it ends where theory has it, on average over places of the wall in its cell, if cells are judged at
+their centres, cells hold the front too early. In closed form (round tunnel, spherical cavity) a flat front ends where
+theory has it, on average over places of the wall in its cell, if cells are judged at
 
     alpha = (1 - D_residual / D_peak) / 2
 
 of a cell from the centre towards the face: half the share of its differential stress D that rock loses as it fails, at
-the confinement at the front (docs/explanation/failure-and-increments.md, The front).
+the confinement at the front. Where the front has steps, the cell at a step has its centre on the front already, and
+alpha is 0. REACH is between both (docs/explanation/failure-and-increments.md, The front).
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,10 @@ from mpm_core.grid.adjacency import cells_across
 from mpm_core.kernels.failure import NO_ROCK, NOT_FINEST, stress_to_face
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
+
+# Rock that loses all its differential stress is judged at this share of the way to the face: 1 suits a flat front, 0 a
+# front of steps.
+REACH = 0.5
 
 
 @dataclass(frozen=True)

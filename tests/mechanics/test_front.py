@@ -8,7 +8,7 @@ from mpm_core.constitutive.elastic import strain_from_stress
 from mpm_core.constitutive.laws.coulomb import overstress
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures, stress_to_front
-from mpm_core.equilibrium.front import front_of
+from mpm_core.equilibrium.front import REACH, front_of
 from mpm_core.grid.adjacency import face_neighbors
 
 CELL = 2.0
@@ -77,7 +77,8 @@ def test_the_front_moves_on_with_failed_rock(model):
 
 @pytest.mark.parametrize("confinement", [0.0, 1e6, 5e6])
 def test_rock_is_judged_as_near_to_the_face_as_its_drop_says(confinement):
-    """One less residual strength over strength, both at this confinement, of the way from the centre to the face."""
+    """REACH of the way from the centre to the face, times one less residual strength over strength, both at this
+    confinement."""
     model = wall(3)
     state, brittle = model.virgin_state(), brittle_of(model)
     total, row = compress(model, state, 0.99, confinement=confinement)
@@ -85,7 +86,7 @@ def test_rock_is_judged_as_near_to_the_face_as_its_drop_says(confinement):
     friction_left, strength_left = model.residual_rows[0][[0, 2]]
     drop = 1.0 - ((friction_left - 1.0) * confinement + strength_left) / ((friction - 1.0) * confinement + strength)
     to_front = stress_to_front(model, state, brittle, row)
-    np.testing.assert_allclose(to_front[:, 2], 0.05 * drop * total[row, 2], rtol=1e-4)
+    np.testing.assert_allclose(to_front[:, 2], 0.05 * REACH * drop * total[row, 2], rtol=1e-4)
     assert not to_front[:, [0, 1, 3, 4, 5]].any()
 
 
