@@ -96,7 +96,7 @@ class Body:
         self.free = model.free_motions(self.attached)
         # stiffness that an intact particle gives its cell, N/m; 0 where it has company
         alone = np.repeat(np.diff(particles.group_start) == 1, np.diff(particles.group_start))
-        hourglass = bending_stiffness(lame, shear) * particles.spread * volume / size**2
+        hourglass = model.bending_share * bending_stiffness(lame, shear) * volume / size**2
         self.particle_hourglass = np.where(alone, hourglass, 0.0)
         self.intact_hourglass = np.bincount(particles.cell, self.particle_hourglass, minlength=len(model.cell_nodes))
         self.set_failed()

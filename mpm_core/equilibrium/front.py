@@ -44,7 +44,7 @@ class Front:
         own = model.particles
         stress_to_face(
             particles, own.cell, self.across, self.rock, self.part, own.position, model.grid.fine_cell,
-            state.failed, own.material, state.stress, model.insitu, change,
+            state.failed, model.material, state.stress, model.insitu, change,
         )  # fmt: skip
         return change
 

@@ -36,7 +36,7 @@ def strength_perturbation(model: Model) -> np.ndarray:
         alone = np.repeat(size == 1, size)[rock, None]
         places = np.where(alone, model.grid.cell_center[particles.cell[rock]], particles.position[rock])
         share = MAX_STRENGTH_PERTURBATION * uniform_at(places, scene.perturbation)
-        result[rock] = share * cohesion[particles.material[rock]]
+        result[rock] = share * cohesion[model.material[rock]]
     return result
 
 

@@ -204,8 +204,11 @@ def cut_out(
         plain=grid,
         severed=model.severed[:0],
     )
-    known = model.hourglass_patterns[chosen[model.particles.distorted.cell]]
-    vars(own_model)["hourglass_patterns"] = known  # else computed again for each subdomain
+    known = {  # else computed again for each subdomain
+        "hourglass_patterns": model.hourglass_patterns[chosen[model.particles.distorted.cell]],
+        "bending_share": model.bending_share[indices],
+    }
+    vars(own_model).update(known)
     own = own_model.virgin_state()
     copy_to_subdomain(state, own, {"particle": indices, "node": nodes, "cell": cells})
     failed_before = own.failed >= 0

@@ -18,6 +18,7 @@ from mpm_core.geometry.meshes import join
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.distorted_cells import DistortedCells, distorted_cells
 from mpm_core.grid.edge_nodes import EdgeNodes
+from mpm_core.grid.edge_points import EdgePoints
 from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
 from mpm_core.kernels.nodal_operations import interpolate
 from mpm_core.model.model import Model
@@ -80,6 +81,9 @@ FIELDS = _table(
     Field("solid_excavation", ("solid_facet",), np.int16, "1", "index of that excavation"),
     Field("edge_node_place", ("edge_node", "xyz"), np.float64, "m", "place of each node that is moved onto an edge"),
     Field("edge_node_shift", ("edge_node", "xyz"), np.float64, "m", "how far it is moved"),
+    Field("edge_point_place", ("edge_point", "xyz"), np.float64, "m", "points along the sharp edges of excavations"),
+    Field("edge_point_angle", ("edge_point",), np.float64, "rad", "angle that rock fills around the edge"),
+    Field("edge_point_excavation", ("edge_point",), np.int16, "1", "index of the excavation whose edge it is"),
     # elastic.nc and steps/<step>.nc
     "position",
     "cell",
@@ -193,6 +197,7 @@ def grid_dataset(
     pieces: FinestPieces,
     volume: np.ndarray,
     edge_nodes: EdgeNodes,
+    edge_points: EdgePoints,
     plane: str | None,
     attributes: dict,
     solids: Sequence[Solid | Outside] = (),
@@ -209,6 +214,9 @@ def grid_dataset(
         "piece_volume": volume,
         "edge_node_place": embed(grid.origin + edge_nodes.place * grid.fine_cell, axes),
         "edge_node_shift": embed(edge_nodes.shift * grid.fine_cell, axes),
+        "edge_point_place": embed(grid.origin + edge_points.place * grid.fine_cell, axes),
+        "edge_point_angle": edge_points.angle,
+        "edge_point_excavation": edge_points.excavation,
         **_surfaces(solids, axes),
     }
     dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
@@ -268,6 +276,13 @@ def read_edge_nodes(dataset: xr.Dataset) -> EdgeNodes:
     return EdgeNodes(_index(dataset, "edge_node_place"), shift)
 
 
+def read_edge_points(dataset: xr.Dataset) -> EdgePoints:
+    """Points along edges of excavations, from the dataset of grid.nc."""
+    origin, fine = read_origin(dataset)
+    place = (dataset.edge_point_place.values[:, _axes(dataset)] - origin) / fine
+    return EdgePoints(place, dataset.edge_point_angle.values, dataset.edge_point_excavation.values)
+
+
 def _axes(dataset: xr.Dataset) -> list[int]:
     plane = dataset.attrs["plane"]
     return list(PLANES[None if plane == "none" else plane])
@@ -303,7 +318,7 @@ def state_dataset(
         "plastic_strain_step": step_strain,
         "spacing": particles.spacing,
         "volume": volume * scene.thickness,
-        "material": particles.material,
+        "material": model.material,
         "excavation": particles.excavation,
         "displacement": displacement,
         "strength_factor": rating[0],

@@ -40,11 +40,14 @@ POINTS_PER_CHUNK = 20000  # Points, or places, whose neighbourhood is held in me
 class SharpEdges(NamedTuple):
     """Edges on which a solid is convex and turns by MIN_TURN or more, and the corners in which they end.
 
-    The rock outside has a re-entrant edge there. In plane strain the vertices of the outline are the corners.
+    The rock outside has a re-entrant edge there. In plane strain a segment is a vertex of the outline, twice, and there
+    are no corners.
     """
 
     segments: np.ndarray
     """(segment, 2, d) m"""
+    turn: np.ndarray
+    """(segment,) angle between the normals of its two facets, radians"""
     corners: np.ndarray
     """(corner, d) m"""
 
@@ -81,10 +84,11 @@ def sharp_edges(solid: Solid) -> SharpEdges:
     turn = np.arccos(np.clip(np.sum(normals[facet[one]] * normals[facet[other]], axis=1), -1.0, 1.0))
     beyond = vertices[opposite[other]] - vertices[keys[pairs, 0]]  # below the first facet's plane where convex
     convex = np.sum(beyond * normals[facet[one]], axis=1) < 0.0
-    keys = keys[pairs[(turn >= MIN_TURN) & convex]]
+    sharp = (turn >= MIN_TURN) & convex
+    keys, turn = keys[pairs[sharp]], turn[sharp]
     if dimension == 2:
-        return SharpEdges(np.empty((0, 2, 2)), vertices[keys[:, 0]])
-    return SharpEdges(vertices[keys], vertices[_bends(vertices, keys)])
+        return SharpEdges(vertices[np.repeat(keys, 2, axis=1)], turn, np.empty((0, 2)))
+    return SharpEdges(vertices[keys], turn, vertices[_bends(vertices, keys)])
 
 
 def _bends(vertices: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -164,7 +168,7 @@ def _wishes(solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float,
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
         corners, segments = ((points - origin) / fine_cell for points in (edges.corners, edges.segments))
         for pairs in (np.repeat(corners[:, None], 2, axis=1), segments):
-            pairs = pairs[_is_edge(solid, pairs.mean(axis=1), origin, fine_cell)]
+            pairs = pairs[is_edge(solid, pairs.mean(axis=1), origin, fine_cell)]
             place, goal = _nearest_goals(pairs, shape)
             place, goal = _inside(solid, place, goal, origin, fine_cell)
             order = np.lexsort((*place.T, np.round(np.linalg.norm(goal - place, axis=1), 9)))
@@ -223,7 +227,7 @@ def _move(batches, place, goal, number, first, close, shares, offsets, points, s
                 done[i] = True
 
 
-def _is_edge(solid: Solid | Outside, place: np.ndarray, origin: np.ndarray, fine_cell: float) -> np.ndarray:
+def is_edge(solid: Solid | Outside, place: np.ndarray, origin: np.ndarray, fine_cell: float) -> np.ndarray:
     """(k,) bool: True where a solid has an edge at places (k, d), finest cells, at the size of the cells; not where its
     surface is only rough."""
     lattice = (all_cells((6,) * place.shape[1]) - 2.5) / 3.0 * BALL_RADIUS

@@ -8,13 +8,26 @@ import numpy as np
 
 from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
+from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_cells, mark_corners
+from mpm_core.model.edge_cells import angle_classes, edge_classes
+from mpm_core.model.edge_factor import edge_factor
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
-from mpm_core.model.particles import Particles, at_step, part_means, seed, shares_of_volume, step_stiffness, volumes
+from mpm_core.model.openings import Openings
+from mpm_core.model.particles import (
+    MASSIVE_BENDING_SHARE,
+    Particles,
+    at_step,
+    part_means,
+    seed,
+    shares_of_volume,
+    step_stiffness,
+    volumes,
+)
 from mpm_core.model.phantom_nodes import NO_CELL, with_phantom_nodes, without_phantom_nodes
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
@@ -40,12 +53,15 @@ class Model:
     insitu: np.ndarray
     """(particle, 6) Pa, virgin stress; zero for fill, which starts without stress"""
     elastic_constants: np.ndarray
-    """(material, 2) lambda, mu, Pa"""
+    """(row, 2) lambda, mu, Pa; rows are those of materials, and once more for each angle of edge_angles"""
     law: ModuleType
     """of failure, of all rock (constitutive.laws); kernels are made for it"""
     intact_rows: np.ndarray
     residual_rows: np.ndarray
-    """(material, column) strength rows of the law"""
+    """(row, column) strength rows of the law"""
+    openings: Openings
+    edge_angles: np.ndarray
+    """(class,) radians: classes of the angle that rock fills around sharp edges of openings"""
     held: np.ndarray
     """(node, d) bool: fixed or on a roller"""
     unsupported: Unsupported
@@ -81,10 +97,26 @@ class Model:
         linear = np.einsum("kmj,knj->kmn", position, slopes) * 2.0 / corners
         return np.ascontiguousarray((bits == higher[:, None]) - linear)  # else kernels are compiled for each layout
 
+    @property
+    def material(self) -> np.ndarray:
+        """(particle,) index into the scene's materials; particles.material is one into the model's tables."""
+        return self.particles.material % len(self.scene.materials)
+
     @cached_property
     def step_stiffness(self) -> np.ndarray:
         """(particle,) Pa: what bounds the time step of the explicit scheme, see particles.step_stiffness."""
-        return step_stiffness(self.particles, self.elastic_constants)
+        return step_stiffness(self.particles, self.elastic_constants, self.bending_share)
+
+    @cached_property
+    def bending_share(self) -> np.ndarray:
+        """(particle,) share of the stiffness at which a cell bends as a plate does: in skins of rock all of it, or its
+        spread where the cell is cut."""
+        faces = [(axis, side) for axis in range(self.dimension) for side in range(2)]
+        free = [face for face in faces if face not in held_faces(self.scene)]
+        cells = holding_cells(self.grid, self.openings.skins(self.step, self.grid.shape, free))
+        skin = np.zeros(len(self.cell_nodes), bool)
+        skin[cells[(cells >= 0) & (self.grid.cell_level[cells] == self.grid.levels - 1)]] = True
+        return np.where(skin[self.particles.cell], self.particles.spread, MASSIVE_BENDING_SHARE)
 
     @cached_property
     def node_position(self) -> np.ndarray:
@@ -119,6 +151,7 @@ class Model:
         if self.scene.cut_cells != "mean" or step == self.step:
             return self
         particles = at_step(self.particles, self.changes, step, self.grid)
+        particles = with_edges(particles, self.openings, self.edge_angles, self.grid, step, len(self.scene.materials))
         moved = np.flatnonzero((particles.position != self.particles.position).any(axis=1) & particles.is_rock)
         insitu = self.insitu.copy()
         insitu[moved] = virgin_stress(self.scene, particles.position[moved])
@@ -194,7 +227,7 @@ class Model:
     def can_fail(self) -> np.ndarray:
         """(particle,) bool: rock whose material can fail."""
         by_material = np.array([can_fail(material) for material in self.scene.materials.values()])
-        return self.particles.is_rock & by_material[self.particles.material]
+        return self.particles.is_rock & by_material[self.material]
 
     def is_brittle(self) -> bool:
         """True if some rock loses strength when it fails; if not, it is perfectly plastic."""
@@ -250,6 +283,16 @@ def _on_nodes(grid: MultiLevelGrid, scene: Scene) -> dict:
     }
 
 
+def with_edges(
+    particles: Particles, openings: Openings, angles: np.ndarray, grid: MultiLevelGrid, step: int, materials: int
+) -> Particles:
+    """These particles with rock next to the edges of a step in the rows of its angle (edge_factor.py)."""
+    row = particles.material % materials
+    number = edge_classes(openings.edge_points(step), grid, particles.distorted, angles)[particles.cell]
+    row[particles.is_rock] += ((1 + number) * materials).astype(row.dtype)[particles.is_rock]
+    return replace(particles, material=row)
+
+
 def build_model(
     scene: Scene,
     grid: MultiLevelGrid,
@@ -259,10 +302,12 @@ def build_model(
     all_fallen: bool = False,
     distorted: DistortedCells | None = None,
     at: int | None = None,
+    openings: Openings | None = None,
 ) -> Model:
     """Seed the particles of a stage and tabulate what the kernels need. `pieces` as stored with the grid.
 
     distorted: cells that are no cubes; at: the step of which particles are where they are, the last one without it.
+    openings: at whose edges and between which rock has another stiffness.
     unsupported: what has fallen in the steps before; what loses its support in the last step of the scene falls here,
     unless all_fallen says that it is among them.
     """
@@ -279,14 +324,19 @@ def build_model(
         grid = with_leaves(grid, grid.cell_index, grid.cell_level)
     phantom_nodes = without_phantom_nodes(grid)
     at = step if at is None else at
+    openings = openings or Openings.none(grid.dimension)
+    angles = angle_classes(openings.points)
     if scene.cut_cells == "mean":
         particles = at_step(particles, changes, at, grid)
+        particles = with_edges(particles, openings, angles, grid, at, len(scene.materials))
         phantom_nodes = with_phantom_nodes(grid, changes, at)
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
-    materials = scene.materials.values()
+    materials = list(scene.materials.values())
     law = law_of_all(materials)
-    intact_rows, residual_rows = rows_of_all(law, materials, scene.frame_axes)
+    intact_rows, residual_rows = rows_of_all(law, materials * (1 + len(angles)), scene.frame_axes)
+    constants = np.array([(material.lame_lambda, material.shear_modulus) for material in materials])
+    factors = [[edge_factor(angle, material.poisson_ratio) for material in materials] for angle in angles]
     return Model(
         scene=scene,
         body=body,
@@ -294,7 +344,9 @@ def build_model(
         changes=changes,
         particles=particles,
         insitu=insitu,
-        elastic_constants=np.array([(material.lame_lambda, material.shear_modulus) for material in materials]),
+        elastic_constants=np.concatenate([constants, *(constants * np.array(row)[:, None] for row in factors)]),
+        openings=openings,
+        edge_angles=angles,
         law=law,
         intact_rows=intact_rows,
         residual_rows=residual_rows,

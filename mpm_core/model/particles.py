@@ -23,7 +23,11 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, ROCK_OWNER, Changes, Pieces
 from mpm_core.scene.scene import Scene
 
-MIN_SPREAD = 1.0 / 6.0  # With less, thin parts of cells come loose from the rock that they are part of when it fails.
+# Share of the hourglass stiffness at which a cell bends as a plate does. Strain varies in a cell of massive rock along
+# all axes. Corners show only a part of that, which cells would hold as stiffly as a plate in addition to what smoother
+# strain leaves out: the rock would be too stiff. In a skin between two voids bending is all there is (skins.py). With
+# less than this share, thin parts of cells come loose from the rock that they are part of when it fails.
+MASSIVE_BENDING_SHARE = 1.0 / 6.0
 
 
 @dataclass(frozen=True)
@@ -109,13 +113,13 @@ def mean_modes(samples: np.ndarray, dimension: int) -> np.ndarray:
 def least_spreads(samples: np.ndarray, dimension: int) -> np.ndarray:
     """Variance of place along the axis on which sets of samples (k,) uint64, none empty, are thinnest: (k,), 1 for the
     whole cell, f^2 for a layer of the thickness f h, which bends by it with the cube of its thickness. Not above 1 nor
-    below MIN_SPREAD."""
+    below MASSIVE_BENDING_SHARE."""
     per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
     table = point_table(per_edge, dimension)
     held = ((samples[:, None] >> np.arange(SAMPLES_PER_CELL, dtype=np.uint64)) & np.uint64(1)).astype(float)
     count = np.bitwise_count(samples)[:, None]
     variance = held @ table**2 / count - (held @ table / count) ** 2
-    return np.clip(3.0 * variance.min(axis=1, initial=1.0) + 1.0 / per_edge**2, MIN_SPREAD, 1.0)
+    return np.clip(3.0 * variance.min(axis=1, initial=1.0) + 1.0 / per_edge**2, MASSIVE_BENDING_SHARE, 1.0)
 
 
 def centroids(modes: np.ndarray) -> np.ndarray:
@@ -329,9 +333,9 @@ def bending_stiffness(lame: np.ndarray, shear: np.ndarray) -> np.ndarray:
     return 16.0 / 3.0 * shear * (lame + shear) / (lame + 2.0 * shear)
 
 
-def step_stiffness(particles: Particles, elastic_constants: np.ndarray) -> np.ndarray:
+def step_stiffness(particles: Particles, elastic_constants: np.ndarray, bending_share: np.ndarray) -> np.ndarray:
     """Stiffness (particle,) Pa that bounds the time step: that of dilation, more for particles off their cells'
-    centres. elastic_constants (material, 2): lambda, mu, Pa.
+    centres. elastic_constants (row, 2): lambda, mu, Pa; bending_share (particle,): see Model.
     """
     lame, shear = elastic_constants[particles.material].T
     stiffness = particles.xi.shape[1] * lame + 2.0 * shear
@@ -340,7 +344,7 @@ def step_stiffness(particles: Particles, elastic_constants: np.ndarray) -> np.nd
     own = np.flatnonzero(particles.group_table >= particles.shared_rows)
     first = particles.group_start[own]
     rows = particles.group_table[own]
-    share = 0.25 * bending_stiffness(lame[first], shear[first]) * particles.spreads[rows] / stiffness[first]
+    share = 0.25 * bending_share[first] * bending_stiffness(lame[first], shear[first]) / stiffness[first]
     stiffness[first] *= own_stiffening(particles.modes[rows], particles.slopes[rows], share)
     return stiffness
 

@@ -226,7 +226,7 @@ def mass_and_momentum(body: Body) -> dict[str, float]:
     forces = nodal_forces(body)
     size, net = float(np.abs(forces).sum()), float(np.abs(forces.sum(axis=0)).sum())
     return {
-        "mass": float(np.sum(density[model.particles.material] * there) * thickness),
+        "mass": float(np.sum(density[model.material] * there) * thickness),
         "net_force": float(np.linalg.norm(body.unbalanced.sum(axis=0)) * thickness),
         "momentum_error": np.nan if model.scene.solver.move else net / size if size > 0.0 else 0.0,
     }
@@ -296,7 +296,7 @@ def refuse_overstressed_virgin(model: Model) -> None:
     above = above_strength(model, model.virgin_state(), np.flatnonzero(model.can_fail()))
     if len(above):
         first = above[0]
-        name = list(model.scene.materials)[model.particles.material[first]]
+        name = list(model.scene.materials)[model.material[first]]
         where = ", ".join(f"{value:.10g}" for value in model.particles.position[first])
         raise InputError(
             f"insitu_stress: virgin rock of materials.{name} stands above its intact strength, first at ({where}) m: "

@@ -46,7 +46,7 @@ def external_force(model: Model, step: int) -> np.ndarray:
     if 2 in axes:
         gravity[axes.index(2)] = body_force[axes.index(2)] / scene.materials["host"].density
     density = np.array([material.density for material in scene.materials.values()])
-    weight = np.where(rock, 0.0, density[particles.material] * volume)
+    weight = np.where(rock, 0.0, density[model.material] * volume)
     force = np.zeros((particles.count, model.dimension))
     acting = np.flatnonzero(weight != 0.0)
     force[acting] = weight[acting, None] * gravity

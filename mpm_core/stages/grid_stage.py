@@ -23,6 +23,7 @@ from mpm_core.grid.building import GridCount, build_grid
 from mpm_core.grid.distorted_cells import distorted_shapes, fullest_samples, part_integrals, points_with_volume
 from mpm_core.grid.domain import Domain, base_cells
 from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
+from mpm_core.grid.edge_points import EdgePoints, edge_points
 from mpm_core.grid.octree import all_cells, children, morton_codes
 from mpm_core.grid.splitting import code_of
 from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, FinestPieces
@@ -296,6 +297,13 @@ def edge_nodes_of(values: GridSlice, solids: list[Solid | Outside], domain: Doma
     return choose_edge_nodes(solids, domain.lower, fine, domain.base_shape << domain.levels - 1)
 
 
+def edge_points_of(values: GridSlice, solids: list[Solid | Outside], domain: Domain) -> EdgePoints:
+    """Points along edges of excavations: with `cut_cells: mean`."""
+    if values.grid.cut_cells != "mean":
+        return EdgePoints.none(len(domain.lower))
+    return edge_points(solids, domain.lower, domain.cell(domain.levels - 1), domain.base_shape << domain.levels - 1)
+
+
 def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
     """Raise InputError if the stages that follow, one particle to a cell, would not fit into the free memory."""
     require(
@@ -364,6 +372,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
         pieces,
         of_pieces,
         edge_nodes,
+        edge_points_of(values, solids, domain),
         values.plane,
         attributes
         | {

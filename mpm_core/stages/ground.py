@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 
 from common.errors import InputError
-from mpm_core.files.state_datasets import read_edge_nodes, read_origin, read_pieces
+from mpm_core.files.state_datasets import read_edge_nodes, read_edge_points, read_origin, read_pieces
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import distorted_cells
 from mpm_core.grid.domain import Domain
@@ -19,6 +20,7 @@ from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split
 from mpm_core.model.model import Model, build_model
 from mpm_core.model.occupancy import FinestPieces, Pieces, Unsupported
+from mpm_core.model.openings import Openings
 from mpm_core.scene.scene import Refinement, Scene
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.stages.state_transfer import transfer_unsupported
@@ -32,15 +34,20 @@ class Ground:
     scene: Scene
     pieces: FinestPieces
     edge_nodes: EdgeNodes
+    openings: Openings
     origin: np.ndarray
     fine_cell: float
 
     @classmethod
     def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
         """The ground of a scene and the dataset of its grid. Raises InputError for one that an earlier version made."""
-        if "edge_node_place" not in grid:
+        if "edge_point_place" not in grid:
             raise InputError("grid.nc was made by an earlier version; run the pipeline from the grid")
-        return cls(scene, read_pieces(grid), read_edge_nodes(grid), *read_origin(grid))
+        pieces = read_pieces(grid)
+        share = np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL
+        mined = np.array([excavation.mined for excavation in scene.excavations] or [-1])
+        openings = Openings.of(read_edge_points(grid), pieces.place, share, pieces.excavation, mined)
+        return cls(scene, pieces, read_edge_nodes(grid), openings, *read_origin(grid))
 
     @property
     def refinement(self) -> Refinement:
@@ -58,7 +65,9 @@ class Ground:
     ) -> Model:
         """The scene on a grid; body (cell,): rock body of each cell; unsupported, all_fallen, at: see build_model."""
         distorted = distorted_cells(grid, self.edge_nodes.place, self.edge_nodes.shift)
-        return build_model(self.scene, grid, body, self.pieces_on(grid), unsupported, all_fallen, distorted, at)
+        return build_model(
+            self.scene, grid, body, self.pieces_on(grid), unsupported, all_fallen, distorted, at, self.openings
+        )
 
     def pieces_on(self, grid: MultiLevelGrid) -> Pieces:
         """Pieces of the cells of a grid inside excavations: of finest cells, as no other is mined."""

@@ -310,7 +310,7 @@ def elastic_hourglass(model: Model, displacement: np.ndarray, cells: np.ndarray)
     )
     lame, shear = model.elastic_constants[model.particles.material[own]].T
     size = model.grid.cell_size[cells]
-    stiffness = bending_stiffness(lame, shear) * size ** (model.dimension - 2)
+    stiffness = model.bending_share[own] * bending_stiffness(lame, shear) * size ** (model.dimension - 2)
     sums = _modal_sums(model, displacement, cells)
     amplitude, row = sums[:, modes], model.particles.distorted.rows(cells)
     bent = np.flatnonzero(row >= 0)

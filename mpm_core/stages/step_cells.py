@@ -21,6 +21,7 @@ from mpm_core.files.state_datasets import read_grid, read_state, read_unsupporte
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split, with_leaves
+from mpm_core.kernels.energy_sums import stored_energy
 from mpm_core.model.model import Model
 from mpm_core.model.particles import bending_stiffness
 from mpm_core.model.state import REFINED, State
@@ -176,13 +177,13 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     mined = model.at(step)
     volume, target = mined.volumes(step), external_force(mined, step)
     if step > before:
-        mined_hourglass = release_mined_hourglass(scheme.body, mined, volume)
+        mined_hourglass = release_mined_hourglass(scheme.body, volume)
         if mined is model:
             scheme.set_volume(volume)
         else:
             scheme.drop_work_arrays()
             start, lasting = renumber_forces(model, start, mined), renumber_forces(model, lasting, mined)
-            follow_walls(model, mined, state)
+            stood += follow_walls(model, mined, state, scheme.body.volume)
             if len(mined.unheld) > len(model.unheld):
                 logging.warning(
                     "fill lies between walls a cell or two apart that were open before, at %d nodes: it does not hold "
@@ -252,32 +253,51 @@ def on_opened_cells(ground: Ground, previous: xr.Dataset, before: int) -> tuple[
     return make_scheme(model, state, model.volumes(before)), True
 
 
-def follow_walls(old: Model, new: Model, state: State) -> None:
-    """Place and stress of particles that stand for other samples of their cells in a new model than in the old one.
+def follow_walls(old: Model, new: Model, state: State, volume: np.ndarray) -> float:
+    """Place and stress of particles that stand for other samples of their cells in a new model than in the old one, or
+    have another stiffness there; the elastic energy that the latter adds to volumes (particle,) m3, J.
 
     Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress. Nodes of
     their own that walls get are where the one was that they shared.
     """
     renumber_nodes(old, state, new)
     state.position = new.particles.position
+    added = _change_stiffness(old, new, state, volume)
     was, now = old.particles.row, new.particles.row
     own = np.flatnonzero((was != now) | (now >= new.particles.shared_rows))  # the others have the same row of a table
     moved = own[(old.slopes[was[own]] != new.slopes[now[own]]).any(axis=(1, 2))]
     state.stress[moved] += old.insitu[moved] - new.insitu[moved]
     intact = moved[(state.failed[moved] < 0) & new.particles.is_rock[moved]]
     state.stress[intact] = elastic_stress(new, state.displacement, intact)
+    return added
 
 
-def release_mined_hourglass(body: Body, mined: Model, volume: np.ndarray) -> float:
+def _change_stiffness(old: Model, new: Model, state: State, volume: np.ndarray) -> float:
+    """Stress since virgin and hourglass forces of intact rock at new edges, and of new skins, as if it had had that
+    stiffness from the start; the elastic energy that volumes (particle,) m3 gain by it, J."""
+    was, now = old.particles.material, new.particles.material
+    moduli = old.elastic_constants[:, 1]
+    factor = np.where(state.failed < 0, moduli[now] / moduli[was], 1.0)
+    held = np.where(was != now, volume, 0.0)
+    added = -stored_energy(state.stress, old.insitu, held, was, old.elastic_constants)
+    changed = np.flatnonzero(factor != 1.0)
+    state.stress[changed] *= factor[changed, None]
+    added += stored_energy(state.stress, old.insitu, held, now, old.elastic_constants)
+    first = old.particles.group_start[: len(old.cell_nodes)]
+    bending = new.bending_share[first] / old.bending_share[first]
+    state.hourglass_force *= np.where(state.failed[first] < 0, factor[first] * bending, 1.0)[:, None, None]
+    return added
+
+
+def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:
     """Hourglass forces of cells of which rock or fill is mined go with it, in proportion to its stiffness.
 
-    body: with the volumes before; mined: the model after, in which volume (particle,) stays. Returns the energy that
-    goes with them, J.
+    body: with the volumes before; volume (particle,): what stays. Returns the energy that goes with them, J.
     """
     model, state = body.model, body.state
     lame, shear = model.elastic_constants[model.particles.material].T
     stiffness, cells = bending_stiffness(lame, shear), len(model.cell_nodes)
-    before, after = model.particles.spread * body.volume, mined.particles.spread * volume
+    before, after = model.bending_share * body.volume, model.bending_share * volume
     old = np.bincount(model.particles.cell, stiffness * before, minlength=cells)
     kept = np.bincount(model.particles.cell, stiffness * np.minimum(before, after), minlength=cells)
     share = np.divide(kept, old, out=np.ones(cells), where=old > 0.0)

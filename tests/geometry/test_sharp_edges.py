@@ -46,7 +46,10 @@ def test_an_inward_edge_is_none():
     assert np.count_nonzero(upright) == 5
 
 
-def test_in_plane_strain_vertices_are_corners():
+def test_in_plane_strain_vertices_are_edges():
     edges = sharp_edges(build_shape({"name": "a", "shape": "box", "lower": [0, 0], "upper": [2, 3]}, 2))
-    assert len(edges.corners) == 4
-    assert not len(sharp_edges(build_shape({"name": "a", "shape": "circle", "center": [0, 0], "radius": 3}, 2)).corners)
+    assert (edges.segments[:, 0] == edges.segments[:, 1]).all()
+    assert len(edges.segments) == 4
+    assert np.degrees(edges.turn) == pytest.approx(90)
+    circle = build_shape({"name": "a", "shape": "circle", "center": [0, 0], "radius": 3}, 2)
+    assert not len(sharp_edges(circle).segments)

@@ -8,6 +8,7 @@ from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid import MultiLevelGrid, build_grid
 from mpm_core.grid.edge_nodes import EdgeNodes
+from mpm_core.grid.edge_points import EdgePoints
 from mpm_core.model.model import Model, build_model
 from mpm_core.model.occupancy import FinestPieces, Pieces
 from mpm_core.model.particles import point_table
@@ -154,8 +155,8 @@ def make_dataset(scene: Scene, grid: MultiLevelGrid, shapes=(), body=None):
     pieces = pieces_of(grid, shapes)
     places = FinestPieces(grid.cell_index[pieces.cell], pieces.excavation.astype(np.int16), pieces.samples)
     volume = np.bitwise_count(places.samples) / SAMPLES_PER_CELL * grid.fine_cell**grid.dimension * scene.thickness
-    edge_nodes = EdgeNodes.none(grid.dimension)
-    return grid_dataset(grid, body, places, volume, edge_nodes, scene.plane, {"mine": scene.mine})
+    edges = EdgeNodes.none(grid.dimension), EdgePoints.none(grid.dimension)
+    return grid_dataset(grid, body, places, volume, *edges, scene.plane, {"mine": scene.mine})
 
 
 def solve(model: Model, tolerance: float = 1e-6, step: int = 0) -> tuple[ExplicitScheme, History]:

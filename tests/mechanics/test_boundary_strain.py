@@ -23,6 +23,7 @@ from mechanics.scenes import (
 )
 from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.grid.edge_nodes import EdgeNodes
+from mpm_core.grid.edge_points import EdgePoints
 from mpm_core.model.occupancy import FinestPieces
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
@@ -66,6 +67,7 @@ def test_fixed_faces_strain_a_grid_with_hanging_nodes_linearly(plane, seed, per_
         FinestPieces.all_of([], grid.dimension),
         np.empty(0),
         EdgeNodes.none(grid.dimension),
+        EdgePoints.none(grid.dimension),
         plane,
         {"mine": "test"},
     )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from common.errors import InputError
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene
-from mpm_core.files.state_datasets import grid_dataset, read_edge_nodes, read_grid, read_pieces
+from mpm_core.files.state_datasets import grid_dataset, read_edge_nodes, read_edge_points, read_grid, read_pieces
 from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.stages import grid_stage, stage_memory
 from mpm_core.stages.equilibrium_stages import elastic_stage
@@ -207,7 +207,8 @@ def test_a_grid_comes_back_from_its_dataset_as_it_was(plane, dimension):
     assert (again.fine_cell, again.levels) == (grid.fine_cell, grid.levels)
     assert np.array_equal(again.origin, grid.origin)
     volume = dataset.piece_volume.values
-    second = grid_dataset(again, body, read_pieces(dataset), volume, read_edge_nodes(dataset), plane, {"mine": "test"})
+    edges = read_edge_nodes(dataset), read_edge_points(dataset)
+    second = grid_dataset(again, body, read_pieces(dataset), volume, *edges, plane, {"mine": "test"})
     assert second.identical(dataset)
 
 

@@ -161,7 +161,7 @@ def test_a_narrow_slot_releases_what_fine_cells_do(tmp_path, monkeypatch):
     )
     shared = energy(SLOT, scene_of(), tmp_path)
     assert own == pytest.approx(fine, rel=0.08)
-    assert shared < 0.6 * fine
+    assert shared < 0.65 * fine
 
 
 def test_a_mirrored_slot_releases_the_same_energy(tmp_path):

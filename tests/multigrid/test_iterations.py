@@ -61,7 +61,7 @@ def test_stiffness_contrast(base, levels, contrast):
     cells = cells_of(grid, np.where(inside, MODULUS / contrast, MODULUS))
     solution = solve(grid, cells)
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 12
+    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
 
 
 @pytest.mark.parametrize("contrast", [8.0, 12.0, 100.0, np.inf])
@@ -93,7 +93,7 @@ def solve_thin_void(dimension, base, pillars, shift, contrast):
         inside &= grid.cell_index[:, 0] % 3 != 0
     solution = solve(grid, cells_of(grid, np.where(inside, MODULUS / contrast, MODULUS)))
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 12
+    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_base_dimensions_and_levels(base, levels):
     grid, inside = tunnel_and_stope(base, levels)
     solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS)))
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 12
+    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_cut_cells():
     share = np.where(grid.cell_level == 2, np.random.default_rng(0).uniform(0.03, 1.0, len(inside)), 1.0)
     solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS), share=share))
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 12
+    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
 
 
 @pytest.mark.parametrize("base", [(8, 8, 8), (7, 5, 9)])
@@ -137,4 +137,4 @@ def test_free_faces(base):
     grid, inside = tunnel_and_stope(base, 2)
     solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS)), held_faces={(2, 0)})
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 12
+    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)

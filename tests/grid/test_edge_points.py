@@ -1,0 +1,94 @@
+"""Points along edges of boxes, and the steps in which rock has an edge there."""
+
+import numpy as np
+import pytest
+
+from mpm_core.geometry.shapes import build_shape
+from mpm_core.grid.edge_points import SPACING, edge_points
+from mpm_core.grid.octree import all_cells
+from mpm_core.model.openings import NEVER, Openings
+
+SHAPE = np.array([20, 20, 20])
+
+
+def box(lower, upper):
+    return build_shape({"name": "a", "shape": "box", "lower": list(lower), "upper": list(upper)}, len(lower))
+
+
+def points_of(*solids):
+    dimension = solids[0].dimension
+    return edge_points(list(solids), np.zeros(dimension), 1.0, SHAPE[:dimension])
+
+
+def cells_in(lower, upper):
+    """Places of finest cells that a box on the lattice fills."""
+    return all_cells(np.subtract(upper, lower)) + np.asarray(lower)
+
+
+def openings_of(boxes, steps):
+    """The openings of boxes (lower, upper) on the lattice, mined in these steps."""
+    points = points_of(*(box([*map(float, lower)], [*map(float, upper)]) for lower, upper in boxes))
+    cells = [cells_in(lower, upper) for lower, upper in boxes]
+    number = np.repeat(np.arange(len(boxes)), [len(own) for own in cells])
+    return Openings.of(points, np.concatenate(cells), np.ones(len(number)), number, np.array(steps))
+
+
+def test_a_box_has_points_along_its_twelve_edges_at_which_rock_fills_270_degrees():
+    points = points_of(box([4.3, 5.1, 6.0], [9.0, 9.5, 12.2]))
+    assert np.degrees(points.angle) == pytest.approx(270)
+    low, high = np.array([4.3, 5.1, 6.0]), np.array([9.0, 9.5, 12.2])
+    on = (np.abs(points.place - low) < 1e-9) | (np.abs(points.place - high) < 1e-9)
+    assert (on.sum(axis=1) == 2).all()
+    length = 4 * (high - low).sum()
+    assert length / SPACING <= len(points.place) <= length / SPACING + 12
+
+
+def test_in_plane_strain_each_vertex_is_one():
+    points = points_of(box([4.3, 5.1], [9.0, 9.5]))
+    assert sorted(map(tuple, points.place.tolist())) == [(4.3, 5.1), (4.3, 9.5), (9.0, 5.1), (9.0, 9.5)]
+
+
+def test_beyond_the_domain_there_is_none():
+    points = points_of(box([-5.0, 4.0, 4.0], [9.0, 9.0, 25.0]))
+    assert ((points.place > 0) & (points.place < 20)).all()
+    assert (points.place[:, 0] > 8).any()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_an_edge_lasts_until_a_neighbour_makes_one_wall_of_both(dimension):
+    """A box in step 1, one on top of it in step 3: the edges between them are none any more, all others stay."""
+    low, high = [6] * dimension, [12] * dimension
+    above = [*low[:-1], 12], [*high[:-1], 18]
+    openings = openings_of([(low, high), above], [1, 3])
+    own = openings.points.excavation == 0
+    place = openings.points.place
+    between, later = place[:, -1] == 12.0, openings.points.excavation == 1
+    # next to an upright edge, rock has that edge there still
+    upright = (np.minimum(place[:, :-1] - 6.0, 12.0 - place[:, :-1]) < 1.0).all(axis=1)
+    assert (openings.since[own] == 1).all()
+    assert set(openings.until[~between]) == {NEVER}
+    assert set(openings.until[between & (~upright if dimension == 3 else True)]) == {3}
+    assert len(openings.edge_points(0).place) == 0
+    assert len(openings.edge_points(1).place) == len(openings.edge_points(2).place) == own.sum()
+    assert len(openings.edge_points(3).place) < own.sum() + later.sum()
+
+
+def test_the_order_of_excavations_does_not_matter():
+    one, other = ([6, 6, 6], [10, 10, 10]), ([10, 6, 6], [15, 10, 10])
+    first, second = openings_of([one, other], [0, 2]), openings_of([other, one], [2, 0])
+    for step in range(4):
+        assert sorted(map(tuple, first.edge_points(step).place)) == sorted(map(tuple, second.edge_points(step).place))
+
+
+def test_what_is_planned_has_no_edge():
+    assert len(openings_of([([6, 6, 6], [10, 10, 10])], [-1]).edge_points(5).place) == 0
+
+
+def test_parts_of_one_box_have_the_edges_of_the_whole():
+    """A box in four slices, mined at once: the slices' own edges are none."""
+    slices = [([4 + 3 * k, 5, 5], [7 + 3 * k, 11, 11]) for k in range(4)]
+    parts = openings_of(slices, [0] * 4).edge_points(0).place
+    whole = openings_of([([4, 5, 5], [16, 11, 11])], [0]).edge_points(0).place
+    distance = np.abs(parts[:, None] - whole).sum(axis=2)
+    assert distance.min(axis=0).max() <= SPACING
+    assert distance.min(axis=1).max() <= SPACING
