@@ -23,11 +23,10 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import f, norm, t
 
-from catalogs.compare.grid_convergence import SAFETY_FACTOR
 from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from common.errors import InputError
 from plans.layout import ANY, COARSE, DRAW, OWN, PlanSummary
-from plans.record import CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
+from plans.record import CELL_CHANGE_FACTOR, CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
 
 NUMBER, POTENCY = "number", "potency"
 MIN_RUNS = MIN_RUNS_FOR_VARIANCE  # of each plan, its own among them
@@ -230,7 +229,7 @@ def _log_ratios(both: Sequence[xr.Dataset], quantity: str, kind: str) -> NDArray
 def _half_width_by_cells(both: Sequence[xr.Dataset], quantity: str) -> float | None:
     """Half the width of the interval of ln ratio that is due to the cells; None without a run on doubled cells."""
     own, coarse = (_log_ratios(both, quantity, kind) for kind in (OWN, COARSE))
-    return float(SAFETY_FACTOR * abs(own[0] - coarse[0])) if len(own) and len(coarse) else None
+    return float(CELL_CHANGE_FACTOR * abs(own[0] - coarse[0])) if len(own) and len(coarse) else None
 
 
 def _interval_by_rock(values: NDArray | None, level: float) -> NDArray | None:

@@ -25,10 +25,21 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 from scipy.stats import norm
 
-from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.sources.jackknife import INTERVAL_95
 from plans.layout import COARSE, DRAW, OWN
-from plans.record import CELLS, CHANCE, MIN_DRAWS, MONTH, RECORD, ROCK, RUNS, RecordedNumbers, middles
+from plans.record import (
+    CELL_CHANGE_FACTOR,
+    CELLS,
+    CHANCE,
+    MIN_CELL_CHANGE,
+    MIN_DRAWS,
+    MONTH,
+    RECORD,
+    ROCK,
+    RUNS,
+    RecordedNumbers,
+    middles,
+)
 from plans.settings import OutcomeSlice
 
 SPIKE = 0.5  # Prior probability that steps do not scatter, and that the level does not drift.
@@ -98,7 +109,7 @@ def find_factors(
         text = ratio_text(recorded, levels)
     elif (kinds == COARSE).any():
         change = abs(np.log((shared[kinds == OWN][0] + 0.5) / (shared[kinds == COARSE][0] + 0.5)))
-        half = max(SAFETY_FACTOR * change, np.log1p(MIN_ERROR_SHARE))
+        half = max(CELL_CHANGE_FACTOR * change, np.log1p(MIN_CELL_CHANGE))
         log = log + half / norm.ppf(INTERVAL_95[1]) * generator.standard_normal(draws)
         contains.append(CELLS)
     else:

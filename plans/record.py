@@ -21,6 +21,8 @@ from plans.settings import OutcomeSlice
 
 MONTH = 30.0  # days
 MIN_DRAWS = 3  # Draws of the rock that a spread needs.
+CELL_CHANGE_FACTOR = 1.25  # On the change of ln of a number, or of a ratio, from cells of twice the size.
+MIN_CELL_CHANGE = 0.1  # Share that the cells leave a number of events uncertain by, however little it changed.
 CHANCE, CELLS, RECORD, ROCK, RUNS, LAW = "chance", "cells", "record", "rock", "runs", "law"
 
 

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from catalogs.compare.blocks import MIN_BLOCKS
-from catalogs.compare.grid_convergence import MIN_ERROR_SHARE
+from catalogs.report.cell_effects import MAX_AT_ONCE_SHARE, cell_errors, increment_share
 from catalogs.report.evidence import Evidence
-from catalogs.report.sections.convergence import MAX_AT_ONCE_SHARE, MAX_ERROR_SHARE, cell_errors, increment_share
 from catalogs.report.sections.warnings import Advice, finer_cells
-from catalogs.report.text import number, percent
+from catalogs.report.text import DASH, number, percent, whole
 from catalogs.settings import ALL_STEPS
+from catalogs.sources.sizes import log_potency
 
 DEVIATIONS = 2.0  # Standard deviations: about 95 % of runs lie within so many of their mean.
 MIN_FACTOR = 1.25  # A source with a smaller factor is not worth a run of its own.
+CELLS, CHANCE, INCREMENTS, RULE = "Cells", "Chance in the model", "Increments of mining", "Event rule"
 ENSEMBLE = Advice("Run the mine several times with changes too small to measure:", "ensemble: 8")
 SECOND_RUN = Advice("Run the mine a second time on larger cells:", "grid_convergence: true")
 
@@ -22,12 +23,20 @@ SECOND_RUN = Advice("Run the mine a second time on larger cells:", "grid_converg
 @dataclass(frozen=True)
 class Source:
     """A source of uncertainty: its name, the factor within which it leaves potency (infinite: no factor can be given;
-    NaN: not measured), a sentence on it, and what would measure it or make it smaller."""
+    NaN: not measured), a sentence on it, and what would measure it or make it smaller.
+
+    failed_rock, events: its figures for the volume of failed rock and for the number of events, as text; note: what
+    its figures contain; key: what computes them, or makes them smaller.
+    """
 
     name: str
     factor: float
     text: str
     advice: Advice | None = None
+    failed_rock: str = DASH
+    events: str = DASH
+    note: str = ""
+    key: str = ""
 
     @property
     def matters(self) -> bool:
@@ -44,20 +53,22 @@ def sources(evidence: Evidence) -> list[Source]:
 
 
 def _cells(evidence: Evidence) -> Source:
-    """Uncertainty from the cell size, estimated to first order with a run on cells of twice the size."""
+    """Uncertainty from the cells and from the place of walls in them."""
     errors, cell = cell_errors(evidence), float(evidence.grid.attrs["fine_cell"])
+    note = "against much smaller cells; contains the chance by which runs of the study's mines differ"
     if errors is None:
-        advice = None if evidence.config.get("accuracy") == "draft" else SECOND_RUN
-        return Source("Cells", np.nan, f"not measured for cells of {cell:g} m", advice)
-    coarse = float(evidence.grid_convergence["cell"].values[1])
-    if errors[0] > MAX_ERROR_SHARE:
-        text = f"too large to give a factor: potency changes too much from cells of {coarse:g} m to {cell:g} m"
-        return Source("Cells", np.inf, text, finer_cells(evidence))
+        draft = evidence.config.get("accuracy") == "draft"
+        text = f"not measured for cells of {cell:g} m" + (", since a draft has no second run" if draft else "")
+        return Source(CELLS, np.nan, text, None if draft else SECOND_RUN, note=note, key=SECOND_RUN.code)
+    advice = finer_cells(evidence)
+    failed = "too large" if errors[1] == np.inf else _either_way(errors[1])
+    if errors[0] == np.inf:
+        text = f"too large to give a factor: too few cells of {cell:g} m across the failed rock"
+        return Source(CELLS, np.inf, text, advice, failed, note=note, key=advice.code)
     factor = 1.0 + errors[0]
-    text = f"{_within(factor)}, from a second run on cells of {coarse:g} m in place of {cell:g} m"
-    if errors[0] <= MIN_ERROR_SHARE:
-        text = f"{_within(factor)} at most, which is the least that two runs can tell"
-    return Source("Cells", factor, text, finer_cells(evidence))
+    thickness = float(evidence.grid_convergence["thickness"].sel(period=ALL_STEPS)[0])
+    text = f"{_within(factor)}: failed rock is {number(thickness, 2)} cells thick"
+    return Source(CELLS, factor, text, advice, failed, note=note, key=advice.code)
 
 
 def _record(evidence: Evidence) -> list[Source]:
@@ -71,20 +82,34 @@ def _record(evidence: Evidence) -> list[Source]:
         return []
     factor = float(max(high / rate, rate / low))
     text = f"{_within(factor)}, since few events or clusters of them hold most of the recorded potency"
-    return [Source("The record", factor, text)]
+    return [
+        Source("The record", factor, text, note="the expected potency of the record, not of the model", key="record")
+    ]
 
 
 def _chance(evidence: Evidence) -> Source:
     """Chance in the model: the standard deviation between the runs of an ensemble."""
     runs = evidence.spread
+    note, key = "other runs of the same mine on the same cells", ENSEMBLE.code
     if runs is None:
-        return Source("Chance in the model", np.nan, "not measured, since the model ran once", ENSEMBLE)
+        return Source(CHANCE, np.nan, "not measured, since the model ran once", ENSEMBLE, note=note, key=key)
     members = int(runs.attrs["members"])
-    mean, deviation, *_ = runs["potency_statistics"].sel(period=ALL_STEPS).values
-    if members < MIN_BLOCKS or not mean > 0:
-        return Source("Chance in the model", np.nan, f"not measured: {members} other runs are too few", ENSEMBLE)
-    factor = 1.0 + DEVIATIONS * float(deviation / mean)
-    return Source("Chance in the model", factor, f"{_within(factor)} between {members} equally valid runs")
+    potency = deviation_share(evidence, "potency")
+    if members < MIN_BLOCKS or not np.isfinite(potency):
+        return Source(CHANCE, np.nan, f"not measured: {members} other runs are too few", ENSEMBLE, note=note, key=key)
+    factor = 1.0 + DEVIATIONS * potency
+    failed, events = (_either_way(DEVIATIONS * deviation_share(evidence, name)) for name in ("failed_volume", "events"))
+    text = f"{_within(factor)} between {members} equally valid runs"
+    return Source(CHANCE, factor, text, failed_rock=failed, events=events, note=note, key=key)
+
+
+def deviation_share(evidence: Evidence, quantity: str) -> float:
+    """Standard deviation over mean of a quantity of all dated steps over the runs of an ensemble; NaN without it."""
+    name = f"{quantity}_statistics"
+    if evidence.spread is None or name not in evidence.spread:
+        return np.nan
+    mean, deviation, *_ = evidence.spread[name].sel(period=ALL_STEPS).values
+    return float(deviation / mean) if mean > 0 else np.nan
 
 
 def _increments(evidence: Evidence) -> Source:
@@ -97,14 +122,30 @@ def _increments(evidence: Evidence) -> Source:
     advice = Advice("Mine in smaller increments:", code)
     patches = f"; {percent(at_once)} of the potency is in events whose extent depends on the size of the increments"
     patches = patches if at_once > MAX_AT_ONCE_SHARE else ""
+    note = "one way: potency is too large, never too small"
     if not np.isfinite(share):
-        return Source("Increments of mining", np.nan, f"not known of this scheme{patches}", advice)
-    return Source(
-        "Increments of mining",
-        1.0 + share,
-        f"potency is too large by a factor of up to {_factor(1.0 + share)}{patches}",
-        advice,
-    )
+        return Source(INCREMENTS, np.nan, f"not known of this scheme{patches}", advice, note=note, key=code)
+    text = f"potency is too large by a factor of up to {_factor(1.0 + share)}{patches}"
+    return Source(INCREMENTS, 1.0 + share, text, advice, note=note, key=code)
+
+
+def event_rule(evidence: Evidence) -> list[Source]:
+    """Rule that groups failed rock into events: the same rock by other closeness and links; none where not known."""
+    found = evidence.closeness
+    if found is None or not found.sizes["event"]:
+        return []
+    potency, choice = found["potency"].values, found["choice"].values
+    sums = np.array([potency[choice == index].sum() for index in range(found.sizes["choice"])])
+    counts = np.bincount(choice, minlength=found.sizes["choice"])
+    own = int(found.attrs["own"])
+    if not (sums > 0).all():
+        return []
+    factor = float(max(sums.max() / sums[own], sums[own] / sums.min()))
+    events = f"{whole(counts.min())} to {whole(counts.max())} (here {whole(counts[own])})"
+    largest = [log_potency(potency[choice == index]).max() for index in range(len(sums))]
+    note = f"events of enough particles; their largest log P is {number(min(largest), 2)} to {number(max(largest), 2)}"
+    text = f"{_within(factor)}, if the same failed rock is grouped by other values of closeness and links"
+    return [Source(RULE, factor, text, events=events, note=note, key="seismic.closeness")]
 
 
 def _rock(evidence: Evidence) -> Source:
@@ -112,7 +153,8 @@ def _rock(evidence: Evidence) -> Source:
     text = "taken as given; their influence is not measured here"
     if evidence.record is not None:
         text += "; a calibration finds those that fit the record"
-    return Source("Rock properties and stress", np.nan, text)
+    note = "what is not known of rock and stress, and how they vary in the mine"
+    return Source("Rock properties and stress", np.nan, text, note=note, key="snakemake calibrate")
 
 
 def _within(factor: float) -> str:
@@ -121,3 +163,7 @@ def _within(factor: float) -> str:
 
 def _factor(factor: float) -> str:
     return number(factor, 2)
+
+
+def _either_way(share: float) -> str:
+    return f"± {percent(share)}" if np.isfinite(share) else DASH

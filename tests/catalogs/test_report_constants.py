@@ -3,11 +3,9 @@
 import re
 from pathlib import Path
 
-import pytest
-
-from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.report import page
-from catalogs.report.sections import SECTIONS, convergence
+from catalogs.report.cell_effects import MAX_ERROR_SHARE
+from catalogs.report.sections import SECTIONS
 from catalogs.sources.sizes import B_MAGNITUDE_PER_B_POTENCY
 
 TEMPLATES = {name: page.FOLDER / "sections" / f"{name}.html.j2" for name in SECTIONS}
@@ -54,18 +52,8 @@ def test_the_templates_have_no_number_of_their_own_in_their_sentences():
     assert B_MAGNITUDE_PER_B_POTENCY == 1.5
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "said"),
-    [
-        ("least_error", 0.2, "never less than 20 %"),
-        ("safety", 1.5, "is 1.5 times its change"),
-        ("too_coarse", 0.3, "stands for more than 30 %"),
-    ],
-)
-def test_another_limit_is_another_sentence(tmp_path, name, value, said):
-    line = next(one for one in TEMPLATES["convergence"].read_text().splitlines() if f"convergence.{name}" in one)
+def test_another_limit_is_another_sentence(tmp_path):
+    line = next(one for one in TEMPLATES["uncertainty"].read_text().splitlines() if "uncertainty.too_coarse" in one)
     sentence = page._environment(tmp_path).from_string(line)
-    limits = {"least_error": MIN_ERROR_SHARE, "safety": SAFETY_FACTOR, "too_coarse": convergence.MAX_ERROR_SHARE}
-    shown = {"sizes": ["1", "2"], **limits}
-    assert said in sentence.render(convergence=shown | {name: value})
-    assert said not in sentence.render(convergence=shown)
+    for limit, said in ((0.3, "stands for more than 30 %"), (MAX_ERROR_SHARE, "stands for more than 65 %")):
+        assert said in sentence.render(uncertainty={"sizes": ["1", "2"], "too_coarse": limit})

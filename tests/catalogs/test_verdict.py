@@ -10,7 +10,6 @@ import xarray as xr
 from report_fixtures import compared, dated_steps, said
 
 from catalogs.compare.comparison import compare
-from catalogs.compare.grid_convergence import share_off
 from catalogs.report.evidence import Evidence
 from catalogs.report.first_page import MAX_NEXT, next_steps
 from catalogs.report.sections.warnings import Advice, Banner, banners
@@ -275,11 +274,12 @@ def test_mines_without_steps_dates_or_events(known):
 # ---- what makes it uncertain ----
 
 
-def convergence(evidence: Evidence, own: float, coarse: float) -> Evidence:
-    """A second run on cells of twice the size, of this potency (m3)."""
-    potency, error = np.array([[own], [coarse]]), share_off(np.array([own]), np.array([coarse]))
-    table = {name: (("cell", "period"), potency) for name in ("potency", "failed_volume")}
-    table |= {f"{name}_error": ("period", error) for name in ("potency", "failed_volume")}
+def convergence(evidence: Evidence, error: float, thickness: float = 2.0) -> Evidence:
+    """A second run on cells of twice the size, and the uncertainty that cells leave."""
+    numbers = np.array([[5.0], [4.0]])
+    table = {name: (("cell", "period"), numbers) for name in ("potency", "failed_volume")}
+    table |= {f"{name}_error": ("period", [error]) for name in ("potency", "failed_volume")}
+    table |= {"thickness": (("cell", "period"), [[thickness], [0.5 * thickness]])}
     return replace(evidence, grid_convergence=xr.Dataset(table, {"cell": [4.0, 8.0], "period": ["all"]}))
 
 
@@ -294,17 +294,18 @@ def by_name(evidence: Evidence) -> dict:
 
 
 def test_sources_stand_by_size_and_those_not_measured_last(known):
-    """Record: 3 of 1 and 0.5; cells 1.25 (5 - 4) / 5; chance 2 x 0.2; increments 12 % as the steps have it."""
+    """Record: 3 of 1 and 0.5; cells 25 %; chance 2 x 0.2; increments 12 % as the steps have it."""
     one = compared(
-        ensemble(convergence(known, 5.0, 4.0), 10.0, 2.0), potency_rate=[1.0, 1.0], potency_rate_interval=(0.5, 3.0)
+        ensemble(convergence(known, 0.25), 10.0, 2.0), potency_rate=[1.0, 1.0], potency_rate_interval=(0.5, 3.0)
     )
     found = sources(one)
     assert [source.name for source in found] == [
-        "The record", "Chance in the model", "Cells", "Increments of mining", "Rock properties and stress",
+        "The record", "Chance in the model", "Cells", "Increments of mining",
+        "Rock properties and stress",
     ]  # fmt: skip
     assert [source.factor for source in found] == pytest.approx([3.0, 1.4, 1.25, 1.12, np.nan], nan_ok=True)
     assert "within a factor of 1.4 between 8 equally valid runs" in found[1].text
-    assert "from a second run on cells of 8 m in place of 4 m" in found[2].text
+    assert "within a factor of 1.2: failed rock is 2.0 cells thick" in found[2].text
     bare = sources(replace(known, record=None, comparison=None))
     assert [source.name for source in bare] == [
         "Increments of mining", "Cells", "Chance in the model", "Rock properties and stress",
@@ -318,19 +319,18 @@ def test_the_record_is_as_uncertain_as_the_farther_end_of_its_interval(known, in
     assert by_name(one)["The record"].factor == pytest.approx(factor)
 
 
-def test_a_change_too_large_for_a_factor_stands_first_and_forbids_the_numbers(known):
-    one = convergence(known, 5.0, 1.0)
+@pytest.mark.parametrize(("thickness", "why"), [(0.3, "only 0.30 cells of 4 m thick"), (5.0, "changes too much from")])
+def test_an_error_too_large_for_a_factor_stands_first_and_forbids_the_numbers(known, thickness, why):
+    """Since failed rock is thin, or since the change from doubled cells is large where it is thick."""
+    one = convergence(known, 0.9, thickness)
     first = sources(one)[0]
     assert (first.name, first.factor) == ("Cells", np.inf)
     worst = banners(one)[0]
     assert worst.invalid
     assert worst.brief == "cells of 4 m are too large to say how far potency would still change"
+    assert why in worst.text
     assert "Do not use these numbers before grid.finest_cell is halved." in worst.text
     assert advised(one)[0] == "grid.finest_cell: 2 m"
-
-
-def test_a_change_below_the_least_is_not_called_smaller(known):
-    assert "at most, which is the least that two runs can tell" in by_name(convergence(known, 5.0, 5.0))["Cells"].text
 
 
 def test_too_few_members_measure_no_chance(known):
@@ -384,12 +384,12 @@ def test_a_silent_record_is_nothing_to_calibrate_to(known):
 
 
 def test_what_was_never_measured_is_measured_before_anything_is_refined(known):
-    one = compared(convergence(known, 5.0, 4.0), potency_ratio_p_value=0.5, event_ratio_p_value=0.5)
+    one = compared(convergence(known, 0.25), potency_ratio_p_value=0.5, event_ratio_p_value=0.5)
     assert advised(one)[:2] == ["ensemble: 8", "grid.finest_cell: 2 m"]
 
 
 def test_where_all_is_measured_the_largest_is_made_smaller_and_plans_follow(known):
-    measured = ensemble(convergence(known, 5.0, 4.0), 10.0, 0.5)
+    measured = ensemble(convergence(known, 0.25), 10.0, 0.5)
     measured = compared(measured, potency_ratio_p_value=0.5, event_ratio_p_value=0.5)
     assert advised(measured) == ["grid.finest_cell: 2 m", "excavations.stope_9.step"]
     plans = replace(measured, config=measured.config | {"plans": {"slower": {}}})

@@ -1,5 +1,6 @@
 """The studies of openings of any shape and of walls that lie anywhere, from numbers that are made up."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,6 +9,7 @@ import xarray as xr
 import yaml
 from running import DEFAULT, STUDIES
 
+from catalogs.compare.cell_error import error_at
 from verification.answers import openings, walls
 from verification.results import Results
 from verification.studies import load_study
@@ -23,7 +25,7 @@ def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
     def measure(name):
         scene, _, size = name.rpartition("_")
         volume = 0.8 if (scene, size) == ("pillar", "standard") else 1.0
-        return openings.Found(1.0, 1.0 - CELL[size] / 10.0, volume, 0.5, 1.0)
+        return openings.Found(1.0, 1.0 - CELL[size] / 10.0, volume, 1.0 / CELL[size], 0.5, size == "draft", 1.0)
 
     def variant(name):
         grid = xr.Dataset(attrs={"excavation_whole_share": "[0.4]" if name.endswith("two") else "[0.0]"})
@@ -34,12 +36,13 @@ def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
     monkeypatch.setattr(openings, "energy_of_sphere", lambda name: 1.0)
     rows, figure = openings.answer(Results(study, {name: variant(name) for name in study.mines}))
     found = {row.quantity: row for row in rows}
-    assert len(found) == len(rows) == 8 * 3 * 3 + 3 * 3 + 4 + 2 * 2 * 2 + 6
+    assert len(found) == len(rows) == 8 * 3 * 3 + 3 * 3 + 4 + 8 * 3 * 3 + 2 * 2 * 3 + 6
     assert found["sphere, standard: potency, m3"].error == pytest.approx(1 - 0.9 / 0.975)
     assert found["sphere, standard: potency, m3"].passed
     assert found["sphere, draft: potency, m3"].passed is None
     assert found["pillar, standard: volume, m3"].passed is False
-    assert found["standard beside draft: volume, share of scenes within the report's bounds"].obtained == 1.0
+    assert found["sphere, moved: draft, half, m3"].error == pytest.approx(1 - 0.8 / 0.975)
+    assert found["standard beside draft: volume, share of runs within the stated uncertainty"].obtained == 31 / 32
     assert found["fine beside standard: potency extrapolated, r.m.s. error over the scenes"].obtained == pytest.approx(
         1.0 / 0.975 - 1
     )
@@ -48,10 +51,16 @@ def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
     assert len(figure.axes) == 3
 
 
-def test_bounds_that_miss_the_finest_run_are_counted():
-    """Of two scenes one changed by 10 % and is still 30 % too low."""
-    rows = openings.doubled("x", *(openings.np.array(values) for values in ([0.9, 0.9], [1.0, 1.0], [1.05, 1.3])), 0.9)
-    assert rows[0].obtained == 0.5
+def test_uncertainties_that_miss_the_finest_run_or_are_too_wide_are_counted():
+    """Of three runs with failed rock one cell thick the errors are four thirds, two thirds and a third of the law's."""
+
+    def run(potency: float, thickness: float = 1.0) -> openings.Found:
+        return openings.Found(1.0, potency, 1.0, thickness, 0.5, False, 1.0)
+
+    stated = error_at(1.0)
+    runs = [[run(1.0, 0.1), run(1.0), run(math.exp(share * stated))] for share in (4 / 3, -2 / 3, 1 / 3)]
+    rows = openings.coverage("x", "potency", runs, 0.9)
+    assert [row.obtained for row in rows] == pytest.approx([2 / 3, 1 / 3])
     assert rows[0].passed is False
 
 

@@ -65,13 +65,16 @@ def _with_members(job: Job, catalog, compared):
 
 def _with_companion(job: Job, catalog):
     """grid_convergence.nc"""
+    from catalogs.compare.cell_error import FRONT_VARIABLES
     from catalogs.compare.grid_convergence import compare_cells
     from common.datasets import read_dataset
     from common.event_table import read_events
 
     settings, coarse = job.settings["grid_convergence"], job.input("coarse").parent
     folders = [job.input("catalog").parent, coarse]
-    states = [[read_dataset(folder / f"steps/{name}.nc", ()).attrs for name in settings["steps"]] for folder in folders]
+    states = [
+        [read_dataset(folder / f"steps/{name}.nc", FRONT_VARIABLES) for name in settings["steps"]] for folder in folders
+    ]
     catalogs = [catalog, read_events(coarse / "catalog.nc")]
     return compare_cells(catalogs, states, read_dataset(coarse / "grid.nc", ()).attrs, settings)
 

@@ -16,6 +16,7 @@ TOPICS = {  # in the page's order: topic, and its sections by id in the page wit
         "balls": "Largest events",
     },
     "How sure": {
+        "uncertainty": "Uncertainty",
         "convergence": "Convergence",
         "spread": "Spread of the model",
         "forecasts": "Forecasts and what came",

@@ -1,9 +1,7 @@
-"""Convergence of each stage to equilibrium, and the uncertainty that cells and increments leave.
+"""Convergence of each stage to equilibrium.
 
 The template is "convergence.html.j2".
 """
-
-import json
 
 import numpy as np
 import xarray as xr
@@ -11,158 +9,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from catalogs.compare.grid_convergence import MIN_ERROR_SHARE, SAFETY_FACTOR
 from catalogs.figures import style
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
-from catalogs.report.sections import section_number
-from catalogs.report.text import DASH, MAX_NAMED, fixed, number, percent, plural, whole
-from catalogs.settings import ALL_STEPS
 
-# A larger share of the potency in rock that an increment brings to failure at once makes the events depend on the
-# increments.
-MAX_AT_ONCE_SHARE = 0.05
-MAX_ERROR_SHARE = 0.5  # A larger change between two cell sizes is beyond first-order convergence.
 PANELS_PER_ROW = 3
 MAX_POINTS_PER_CURVE = 4000  # More points of one curve cannot be distinguished in a panel.
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
-    """Content of the section on convergence: discretisation (sentences), figure (None before any stage), constants of
-    the error estimate, table (attributes and number of new failures of each stage); cells, sizes (m) and floor (log P)
-    of the comparison of cell sizes, empty and NaN without one."""
+    """Content of the section on convergence: figure (None before any stage) and table (attributes and number of new
+    failures of each stage)."""
     figure = gallery.add("convergence", convergence(evidence.stages)) if evidence.stages else None
     failures = [int(stage["convergence_new_failures"].values.sum()) for stage in evidence.stages]
-    beside = evidence.grid_convergence
-    return {
-        "discretisation": discretisation(evidence),
-        "figure": figure,
-        "least_error": MIN_ERROR_SHARE,
-        "safety": SAFETY_FACTOR,
-        "too_coarse": MAX_ERROR_SHARE,
-        "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True)),
-        "cells": [] if beside is None else cell_rows(beside),
-        "sizes": [] if beside is None else [f"{cell:g}" for cell in beside["cell"].values],
-        "floor": np.nan if beside is None else float(beside.attrs["floor"]),
-    }
-
-
-def discretisation(evidence: Evidence) -> list[str]:
-    """Sentences on how far the numbers of the dated steps depend on cells and increments; empty without events."""
-    if evidence.catalog is None or not evidence.catalog.sizes["event"]:
-        return []
-    share = increment_share(evidence)
-    parts = f"unloading in increments makes the potency too large, roughly by {percent(share)} or less"
-    parts = parts if np.isfinite(share) else ""
-    table = evidence.grid_convergence
-    if table is None:
-        cell = f"{float(evidence.grid.attrs['fine_cell']):g}"
-        draft = evidence.config.get("accuracy") == "draft"
-        reason = "a draft has no second run" if draft else "grid_convergence: true measures it"
-        text = f"The influence of the cell size, {cell} m, on these numbers was not measured ({reason})"
-        return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
-    every = table.sel(period=ALL_STEPS)
-    own, coarse = (f"{cell:g}" for cell in table["cell"].values)
-    potency, volume = (every[name].values for name in ("potency", "failed_volume"))
-    missed = _named(evidence, json.loads(table.attrs["left_out"]))
-    wide = {row.name for row in evidence.excavations if not row.narrow}
-    narrow = _named(evidence, [name for name in json.loads(table.attrs["narrow"]) if name in wide])
-    without = f", which leave out {missed}," if missed else ""
-    text = (
-        f"On cells of {coarse} m instead of {own} m{without} the same steps release {number(potency[1])} m³ of potency "
-        f"(here {number(potency[0])}) and {number(volume[1])} m³ of rock fail (here {number(volume[0])})"
-    )
-    if np.isfinite(table.attrs["floor"]):
-        events = every["events"].values
-        floor = fixed(float(table.attrs["floor"]), 1)
-        text += f", with {plural(events[1], 'event')} of log P {floor} and more (here {whole(events[0])})"
-    errors = [float(every[f"{name}_error"]) for name in ("potency", "failed_volume")]
-    if not max(errors) <= MAX_ERROR_SHARE:
-        text += f". Cells of {own} m are too large to say how far these numbers would still change: halve "
-        text += "grid.finest_cell before using them"
-        if narrow:
-            text += f" (on cells of {coarse} m too little rock fails around openings narrow for them: {narrow})"
-    else:
-        text += f". Cells of {own} m therefore leave potency uncertain by about {percent(errors[0])}"
-        text += f" and failed rock by about {percent(errors[1])}"
-        if narrow:
-            text += f". These shares may be too large: on cells of {coarse} m too little rock fails around openings "
-            text += f"narrow for them: {narrow}"
-    return [f"{text}; {parts}." if parts else f"{text}.", *_at_once(evidence)]
-
-
-def _at_once(evidence: Evidence) -> list[str]:
-    """A sentence where increments of the load decide how many events there are; else none."""
-    share = float(evidence.catalog.attrs.get("at_once_share", 0.0))
-    if share <= MAX_AT_ONCE_SHARE:
-        return []
-    return [
-        f"{percent(share)} of the potency is in rock that one increment of mining brought above its strength at once. "
-        "Such patches are events because of the size of the increment, so number, sizes and b of the events depend in "
-        "part on the increments. Smaller increments (a smaller solver.max_overshoot, or more solver.increments) "
-        "separate them."
-    ]
-
-
-def _named(evidence: Evidence, names: list[str]) -> str:
-    """Names of the mined ones among these excavations, in a list for a sentence; empty if none is mined."""
-    mined = [row.name for row in evidence.excavations if row.name in names and not row.planned]
-    more = f" and {len(mined) - MAX_NAMED} more" if len(mined) > MAX_NAMED else ""
-    return ", ".join(mined[:MAX_NAMED]) + more
-
-
-def cells_too_large(evidence: Evidence) -> str:
-    """A sentence or two where the cells are too large to estimate an uncertainty; else empty."""
-    errors = cell_errors(evidence)
-    if errors is None or max(errors) <= MAX_ERROR_SHARE:
-        return ""
-    own, coarse = (f"{cell:g}" for cell in evidence.grid_convergence["cell"].values)
-    return (
-        f"Potency or failed volume changes too much from cells of {coarse} m to cells of {own} m to say how far "
-        f"smaller cells would change it (section {section_number('convergence')}). Do not use these numbers before "
-        "grid.finest_cell is halved."
-    )
-
-
-def cell_errors(evidence: Evidence) -> tuple[float, float] | None:
-    """Share by which other cells may change potency and failed volume of all steps; infinite where more is unknown;
-    None where it was not measured, and without events."""
-    table = evidence.grid_convergence
-    if table is None or evidence.catalog is None or not evidence.catalog.sizes["event"]:
-        return None
-    every = table.sel(period=ALL_STEPS)
-    potency, volume = (float(every[f"{name}_error"]) for name in ("potency", "failed_volume"))
-    return (potency if np.isfinite(potency) else np.inf), (volume if np.isfinite(volume) else np.inf)
-
-
-def increment_share(evidence: Evidence) -> float:
-    """Share by which loading in increments makes the potency of the dated steps too large, estimated from their
-    overshoot (docs/explanation/uncertainty.md: no bound in theory); NaN where it is not known."""
-    steps, catalog = evidence.dated, evidence.catalog
-    step, potency = catalog["step"].values, catalog["potency"].values
-    shares = np.array([float(one.get("overshoot_share", np.nan)) for one in steps])
-    weights = np.array([potency[step == one["step"]].sum() for one in steps])
-    if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
-        return np.nan
-    return float(np.average(shares, weights=weights))
-
-
-def cell_rows(table: xr.Dataset) -> list[dict]:
-    """Rows of the comparison of cell sizes, one for each dated step and one for all: numbers on both cell sizes and the
-    relative errors of potency and failed volume, as text."""
-    found = []
-    for period in table["period"].values:
-        here = table.sel(period=period)
-        text = {name: [number(value) for value in here[name].values] for name in ("potency", "failed_volume")}
-        text["events"] = [whole(value) for value in here["events"].values]
-        text["largest"] = [fixed(value, 2) for value in here["largest"].values]
-        errors = [float(here[f"{name}_error"]) for name in ("potency", "failed_volume")]
-        found.append(
-            {"name": "all" if period == ALL_STEPS else str(period)}
-            | text
-            | {"errors": [percent(error) if error <= MAX_ERROR_SHARE else DASH for error in errors]}
-        )
-    return found
+    return {"figure": figure, "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True))}
 
 
 def running_iteration(iteration: np.ndarray) -> np.ndarray:

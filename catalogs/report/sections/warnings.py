@@ -7,10 +7,10 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from catalogs.report.cell_effects import cells_too_large
 from catalogs.report.evidence import Evidence, ExcavationRow
 from catalogs.report.gallery import Gallery
 from catalogs.report.sections import section_number
-from catalogs.report.sections.convergence import cells_too_large
 from catalogs.report.text import MAX_NAMED, number, percent, plural, typeset, whole
 from common.cell_sizes import CELLS_ACROSS_FILL, largest_cell
 
