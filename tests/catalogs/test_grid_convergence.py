@@ -1,12 +1,14 @@
 """What two runs on cells of two sizes say of each other: exact numbers of hand-made ones, and the report's words."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import report_fixtures as fixtures
 import xarray as xr
+from scipy.stats import norm
 
 from catalogs.compare.cell_error import error_at
 from catalogs.compare.grid_convergence import cell_error, compare_cells, doubled_cells_tell
@@ -197,3 +199,21 @@ def test_sources_are_combined_without_counting_chance_twice(tmp_path, found):
     assert rows["Place of walls in the cells"]["potency"] == "in cells"
     assert "whichever is larger, and increments leave it within 7.24 to 12.0 m³" in together(0.05)["together"]
     assert "leave it within 6.21 to 14.0 m³" in together(0.2)["together"]
+
+
+def test_nine_truths_of_ten_lie_within_what_the_sources_leave_together_and_wrong_ones_do_not(tmp_path, found):
+    """Truths by an error of the cells whose 90 % the law states, and by an overshoot up to what the report states; then
+    by errors three times as large."""
+    mine = fixtures.make_mine(tmp_path)
+    arguments = written(mine, overshoot_share=0.15)
+    share = 0.2
+    write_dataset(found.assign(potency_error=0.0 * found["potency_error"] + share), tmp_path / "grid_convergence.nc")
+    known = fixtures.evidence_of(**arguments | {"grid_convergence": tmp_path / "grid_convergence.nc"})
+    ends = re.search(r"leave it within ([\d.]+) to ([\d.]+) m³", section(known, None)["together"])
+    low, high = (float(end) for end in ends.groups())
+    generator, potency = np.random.default_rng(3), float(known.catalog["potency"].sum())
+    overshoot = 1.0 + 0.15 * generator.random(4000)
+    for factor, least, most in ((1.0, 0.9, 1.0), (3.0, 0.0, 0.6)):
+        error = factor * np.log1p(share) / norm.ppf(0.95) * generator.standard_normal(4000)
+        truth = potency * np.exp(error) / overshoot
+        assert least <= np.mean((truth >= low) & (truth <= high)) <= most
