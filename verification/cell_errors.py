@@ -2,8 +2,8 @@
 
 python -m verification.cell_errors runs the mines of the study one after the other in this process, appends each to
 config/verification/openings/cell_errors.csv and prints the constants of catalogs/compare/cell_error.py, once the file
-has all runs. Runs that the file has are not made again: delete it to make all of them. Names of variants limit what
-this process runs, so that several may run side by side.
+has all runs. Runs that the file has are not made again: delete it to make all of them. Names of variants, if there are
+any, are all that this process runs, in that order: several processes may run side by side.
 """
 
 import csv
@@ -102,8 +102,9 @@ def main(names: list[str]) -> None:
     if not TABLE.is_file():
         TABLE.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
     wanted = [name for name in study.mines if not name.startswith("slot_")]
-    lacking = set(wanted) - set(read_table())
-    for name in sorted(lacking & set(names or wanted), key=wanted.index):
+    for name in names or wanted:
+        if name in read_table():  # Another process may have made it meanwhile.
+            continue
         slices = study.mines[name].run_slices()
         slices["steps"] = [step | {"events": []} for step in slices["steps"]]
         datasets = {path: dataset for path, dataset, _ in run_stages(slices, Path("failed_state.npz"))}
