@@ -7,7 +7,7 @@ import numpy as np
 
 from mpm_core.grid.splitting import code_of
 
-MAX_SKIN = 4  # cells; a thicker skin bends right within some percent whatever a single cell does
+MAX_SKIN = 5  # cells, as many as a skin four cells thick may touch; a thicker one hardly bends by its single cells
 
 
 def find_skins(void: np.ndarray, shape: np.ndarray, free: list[tuple[int, int]]) -> np.ndarray:

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from mechanics.scenes import HOST, box, excavation, grid_around, make_model, make_scene
+from mechanics.scenes import HOST, box, excavation, grid_around, make_dataset, make_scene
 from mpm_core.equilibrium.convergence import History
+from mpm_core.files.state_datasets import read_grid
+from mpm_core.model.occupancy import Unsupported
+from mpm_core.stages.ground import Ground
 from mpm_core.stages.step_cells import make_scheme, stored
 
 CURVATURE = 1e-6  # 1/m
@@ -23,7 +26,8 @@ def skin(dimension: int, bottom: float, top: float, poisson_ratio: float):
         boundary={"z_lower": "free", "z_upper": "free"},
         solver={"scheme": "multigrid"},
     )
-    model = make_model(scene, grid_around([], (*[span] * (dimension - 1), height), 1, 1.0), voids)
+    grid = make_dataset(scene, grid_around([], (*[span] * (dimension - 1), height), 1, 1.0), voids)
+    model = Ground.of(scene, grid).model(*read_grid(grid), Unsupported.none())
     return make_scheme(model, model.virgin_state(), model.volumes(0))
 
 
