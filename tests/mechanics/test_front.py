@@ -16,11 +16,11 @@ PERFECT = COULOMB | {key: {"intact": COULOMB[key]["intact"], "residual": COULOMB
                      for key in ("friction_angle", "cohesion", "tension_cutoff")}  # fmt: skip
 
 
-def wall(dimension: int, host: dict = COULOMB):
-    """A block of single cells in which those below x = 6 m are mined."""
-    shape = box([0.0] * dimension, [6.0] + [16.0] * (dimension - 1))
-    scene = make_scene({2: "xz", 3: None}[dimension], host=host, excavations=[excavation()])
-    return make_model(scene, grid_around([], [8] * dimension, 1, CELL), [shape])
+def wall(dimension: int, host: dict = COULOMB, at: float = 6.0, body=None, **scene):
+    """A block of single cells, mined below x = `at`, m."""
+    shape = box([0.0] * dimension, [at] + [16.0] * (dimension - 1))
+    scene = make_scene({2: "xz", 3: None}[dimension], host=host, excavations=[excavation()], **scene)
+    return make_model(scene, grid_around([], [8] * dimension, 1, CELL), [shape], body)
 
 
 @pytest.fixture(params=[2, 3])
@@ -59,6 +59,44 @@ def test_a_linear_stress_is_met_exactly_at_the_face(model):
     assert at_wall.any()
     np.testing.assert_allclose(change[at_wall], np.tile(-0.5 * CELL * slopes, (at_wall.sum(), 1)), atol=1e-6)
     assert not change[~at_wall].any()
+
+
+@pytest.mark.parametrize("share", [0.75, 0.5, 0.25])
+def test_a_cut_cell_is_judged_towards_its_own_wall(share):
+    """Linear stress is met at the wall, wherever it is in the cell; a cell less than half rock has no such stress."""
+    at = 8.0 - share * CELL
+    model, slopes = wall(3, at=at), np.array([1e6, -2e6, 3e6, 0.5e6, -0.25e6, 4e6])
+    state = model.virgin_state()
+    state.stress[:] = linear(model, slopes)
+    x = model.particles.position[:, 0]
+    row = np.flatnonzero((model.volumes(0) > 0.0) & (x < 8.0))
+    expected = np.outer(at - x[row], slopes) if share >= 0.5 else 0.0
+    change = front_of(model, 0).stress_to_face(model, state, row)
+    np.testing.assert_allclose(change, np.broadcast_to(expected, change.shape), atol=1e-6)
+
+
+def test_changes_along_two_axes_count_with_their_mean():
+    """The cell in the corner of failed rock."""
+    model = wall(2)
+    state, position = model.virgin_state(), model.particles.position
+    state.stress[:, 0] = 1e6 * position[:, 0] + 3e6 * position[:, 1]
+    state.stress -= model.insitu
+    state.failed[(position[:, 1] < 2.0) & (model.volumes(0) > 0.0)] = 0
+    corner = np.flatnonzero((abs(position[:, 0] - 7.0) < 0.1) & (abs(position[:, 1] - 3.0) < 0.1))
+    change = front_of(model, 0).stress_to_face(model, state, corner)
+    np.testing.assert_allclose(change[:, 0], [-0.5 * CELL * (1e6 + 3e6) / 2.0], atol=1e-6)
+
+
+def test_no_stress_goes_on_from_other_rock():
+    """Behind the wall's row begins another material, whose stress may be any."""
+    grid = grid_around([], [8] * 3, 1, CELL)
+    body = np.where(grid.cell_center[:, 0] > 8.0, 0, -1).astype(np.int16)
+    other = {"materials": {"host": COULOMB, "other": COULOMB}, "rock_bodies": [{"material": "other"}]}
+    model = wall(3, body=body, **other)
+    state = model.virgin_state()
+    state.stress[:] = linear(model, np.full(6, 1e6))
+    rock = np.flatnonzero(model.volumes(0) > 0.0)
+    assert not front_of(model, 0).stress_to_face(model, state, rock).any()
 
 
 def test_the_front_moves_on_with_failed_rock(model):
