@@ -257,7 +257,7 @@ def density_and_limit(model: Model, volume: np.ndarray) -> tuple[np.ndarray, flo
     if model.scene.solver.density_scaling:
         return stiffness / size**2, 1.0  # the limit is 1 s everywhere
     present = volume > 0.0
-    density = np.array([m.density for m in model.scene.materials.values()])[particles.material]
+    density = np.array([m.density for m in model.scene.materials.values()])[model.material]
     return density, float((size * np.sqrt(density / stiffness))[present].min()) if present.any() else 1.0
 
 

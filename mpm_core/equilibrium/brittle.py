@@ -143,7 +143,7 @@ def weakest(model: Model, state: State, brittle: Brittle, candidates: np.ndarray
 def fail(body: Body, brittle: Brittle, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
     """Drop these particles of a body to residual strength and release the hourglass force of their cells."""
     model, state = body.model, body.state
-    energy = np.empty((len(particles), 2))
+    energy, to_front = np.empty((len(particles), 2)), stress_to_front(model, state, brittle, particles)
     make_drop(model.law)(
         particles,
         state.stress,
@@ -154,9 +154,13 @@ def fail(body: Body, brittle: Brittle, particles: np.ndarray, step: int, increme
         model.residual_rows,
         state.overshoot_strain,
         state.seismic_strain,
-        stress_to_front(model, state, brittle, particles),
+        to_front,
         energy,
     )
+    # Strains of a drop at the front may do work against the stress of the centre: one part makes up for the other.
+    total, front = energy.sum(axis=1), to_front.any(axis=1)
+    energy[front, 0] = np.clip(energy[front, 0], np.minimum(total[front], 0.0), np.maximum(total[front], 0.0))
+    energy[front, 1] = total[front] - energy[front, 0]
     state.failed[particles] = step
     state.failure_order[particles] = increment, generation
     for entry, part in zip((OVERSHOOT, SEISMIC), energy.T, strict=True):

@@ -37,11 +37,13 @@ class Openings:
         """The openings of excavations, mined in steps mined (excavation,), negative: never; place (piece, d), share,
         excavation (piece,): parts of finest cells."""
         step = mined[excavation]
-        place, share, step = place[step >= 0], share[step >= 0], step[step >= 0]
-        since = np.where(mined >= 0, mined, NEVER)[points.excavation]
-        return cls(
-            points, np.where(since >= 0, since, NEVER), _end_of_edges(points, place, share, step), place, share, step
-        )
+        now = step >= 0
+        place, share, step, excavation = place[now], share[now], step[now], excavation[now]
+        point, piece, void = _parts_near(points, place, share)
+        own = np.unique(point[points.excavation[point] == excavation[piece]])  # others are too small for these cells
+        since = np.full(len(points.place), NEVER)
+        since[own] = mined[points.excavation[own]]
+        return cls(points, since, _end_of_edges(point, step[piece], void, len(since)), place, share, step)
 
     @classmethod
     def none(cls, dimension: int) -> "Openings":
@@ -62,12 +64,10 @@ class Openings:
         return find_skins(places[mined > 0.5], shape, free)
 
 
-def _end_of_edges(points: EdgePoints, place: np.ndarray, share: np.ndarray, mined: np.ndarray) -> np.ndarray:
-    """The step (point,) in which mining next to an edge leaves one flat wall, NEVER if none does.
-
-    More of a cube around the point than MAX_BALL_SHARE is void then. Pieces: see Openings.
-    """
-    number, dimension = points.place.shape
+def _parts_near(points: EdgePoints, place: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pairs of a point and a part of a finest cell in the cube around it: point, piece (pair,), and the share of the
+    cube that the part is. place (piece, d), share (piece,): see Openings."""
+    dimension = points.place.shape[1]
     width = 2 * int(np.ceil(BOX_HALF_WIDTH))
     around = all_cells((width,) * dimension) - width // 2
     cells = np.floor(points.place + 0.5).astype(np.int64)[:, None, :] + around
@@ -83,12 +83,20 @@ def _end_of_edges(points: EdgePoints, place: np.ndarray, share: np.ndarray, mine
     first, end = np.searchsorted(code, own, side="left"), np.searchsorted(code, own, side="right")
     row = np.repeat(np.arange(len(own)), end - first)
     piece = order[np.arange(len(row)) - np.repeat(np.cumsum(end - first) - (end - first), end - first) + first[row]]
-    point, step, void = row // len(around), mined[piece], overlap[row] * share[piece]
+    return row // len(around), piece, overlap[row] * share[piece]
+
+
+def _end_of_edges(point: np.ndarray, step: np.ndarray, void: np.ndarray, count: int) -> np.ndarray:
+    """The step (count,) in which mining next to an edge point leaves one flat wall, NEVER if none does.
+
+    More of the cube around it than MAX_BALL_SHARE is void then. point, step, void (pair,): a share of the cube around a
+    point is mined in a step.
+    """
     by_step = np.lexsort((step, point))
     point, step, void = point[by_step], step[by_step], void[by_step]
     total = np.cumsum(void)
     total -= np.append(0.0, total)[np.searchsorted(point, point)]
-    until = np.full(number, NEVER)
+    until = np.full(count, NEVER)
     flat = total > MAX_BALL_SHARE
     np.minimum.at(until, point[flat], step[flat])
     return until

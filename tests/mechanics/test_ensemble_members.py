@@ -54,7 +54,7 @@ def test_numbers_are_one_sided_bounded_and_of_the_place_alone(cut_cells):
         model = make_model(scene, grid, shapes, body)
         assert (strength_perturbation(model) == 0.0).all()
         first, second = (strength_perturbation(replace(model, scene=replace(scene, perturbation=k))) for k in (1, 2))
-        names = np.array(list(scene.materials))[model.particles.material]
+        names = np.array(list(scene.materials))[model.material]
         for name, cohesion in (("host", 2e6), ("weak", 1e6)):
             share = first[model.particles.is_rock & (names == name)] / cohesion
             assert ((share >= 0.0) & (share < MAX_STRENGTH_PERTURBATION)).all()

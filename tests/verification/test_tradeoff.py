@@ -266,7 +266,7 @@ def test_a_study_runs_to_its_tables(tmp_path):
     assert json.dumps(asdict(read)) == json.dumps(asdict(points))
     scene = SceneRuns(results.study, read)
     table = make_table([scene]).set_index("variant")
-    assert table.loc["base", "failed_volume_m3"] != pytest.approx(table.loc["once", "failed_volume_m3"], rel=1e-3)
+    assert table.loc["base", "potency_m3"] != pytest.approx(table.loc["once", "potency_m3"], rel=1e-3)
     assert table.loc["once", "changes"] == "increments 1"
     assert table.loc["draft", "changes"].startswith("accuracy draft (tolerance ")
     assert table.accuracy.to_list() == ["standard", "standard", "standard", "draft"]

@@ -89,7 +89,7 @@ def test_mistakes_of_all_kinds_come_in_the_order_of_the_file(lines):
         "excavations.stope_2.fill: 'paste' is not one of",
         "steps.2019-08.end: 2019-08-01 is not after",
         "solver.tolerance: inf is not a finite number",
-        "solver.damping: 7 is greater than the maximum",
+        "solver.damping: 7 is not below the maximum",
     ]
     found = lines(mine)
     assert len(found) == len(begins), found

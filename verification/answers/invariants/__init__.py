@@ -204,7 +204,7 @@ def space_rows(name: str, variant: Variant, settings: dict, allowed: float) -> l
     rows.append(vanishing(f"{name}: resultant of random stress, share of the forces' sum", force, allowed))
     rows.append(vanishing(f"{name}: moment of random stress, share of its terms' sum", moment, allowed))
     particles = model.particles
-    density = np.array([material.density for material in model.scene.materials.values()])[particles.material]
+    density = np.array([material.density for material in model.scene.materials.values()])[model.material]
     carried = density * model.volumes(model.step)
     center = (carried[:, None] * particles.position).sum(axis=0) / carried.sum()
     mass, nodal_center = nodal_mass(model)
