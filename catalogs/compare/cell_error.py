@@ -17,9 +17,9 @@ from collections.abc import Collection
 import numpy as np
 import xarray as xr
 
-ERROR_AT_ONE_CELL = 0.10
-ERROR_ORDER = 2.2
-MIN_ERROR = 0.04
+ERROR_AT_ONE_CELL = 0.11
+ERROR_ORDER = 2.1
+MIN_ERROR = 0.033
 MAX_ERROR = 0.5  # Of thinner zones the study says only that most of the failure is missing.
 COVERAGE = 0.9  # Share of the study's runs whose error U contains.
 FRONT_VARIABLES = ("failed", "cell", "cell_origin", "cell_size")  # of a state, that failed_thickness needs
