@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.edge_nodes import MAX_BALL_SHARE
 from mpm_core.grid.edge_points import EdgePoints
 from mpm_core.grid.octree import all_cells
@@ -32,13 +33,14 @@ class Openings:
 
     @classmethod
     def of(
-        cls, points: EdgePoints, place: np.ndarray, share: np.ndarray, excavation: np.ndarray, mined: np.ndarray
+        cls, points: EdgePoints, place: np.ndarray, samples: np.ndarray, excavation: np.ndarray, mined: np.ndarray
     ) -> "Openings":
-        """The openings of excavations, mined in steps mined (excavation,), negative: never; place (piece, d), share,
-        excavation (piece,): parts of finest cells."""
+        """The openings of excavations, mined in steps mined (excavation,), negative: never; place (piece, d), samples
+        (piece,) uint64, excavation (piece,): parts of finest cells."""
         step = mined[excavation]
         now = step >= 0
-        place, share, step, excavation = place[now], share[now], step[now], excavation[now]
+        place, step, excavation = place[now], step[now], excavation[now]
+        share = _shares_mined(place, samples[now], step)
         point, piece, void = _parts_near(points, place, share)
         own = np.unique(point[points.excavation[point] == excavation[piece]])  # others are too small for these cells
         since = np.full(len(points.place), NEVER)
@@ -62,6 +64,23 @@ class Openings:
         places, number = np.unique(self.place[now], axis=0, return_inverse=True)
         mined = np.bincount(number.reshape(-1), self.share[now], minlength=len(places))
         return find_skins(places[mined > 0.5], shape, free)
+
+
+def _shares_mined(place: np.ndarray, samples: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Share (piece,) of its cell that each part opens: what an earlier one has mined is open already.
+
+    place (piece, d), samples (piece,) uint64, step (piece,): parts of finest cells, and when they are mined.
+    """
+    _, cell, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
+    cell = cell.reshape(-1)
+    order = np.lexsort((step, cell))
+    rank = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
+    opened, opens = np.zeros(len(count), np.uint64), np.zeros(len(cell), np.uint64)
+    for place_in_order in range(count.max(initial=0)):
+        part = order[rank == place_in_order]
+        opens[part] = samples[part] & ~opened[cell[part]]
+        opened[cell[part]] |= samples[part]
+    return np.bitwise_count(opens) / SAMPLES_PER_CELL
 
 
 def _parts_near(points: EdgePoints, place: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,7 +11,6 @@ import xarray as xr
 
 from common.errors import InputError
 from mpm_core.files.state_datasets import read_edge_nodes, read_edge_points, read_origin, read_pieces
-from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import distorted_cells
 from mpm_core.grid.domain import Domain
@@ -44,9 +43,8 @@ class Ground:
         if "edge_point_place" not in grid:
             raise InputError("grid.nc was made by an earlier version; run the pipeline from the grid")
         pieces = read_pieces(grid)
-        share = np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL
         mined = np.array([excavation.mined for excavation in scene.excavations] or [-1])
-        openings = Openings.of(read_edge_points(grid), pieces.place, share, pieces.excavation, mined)
+        openings = Openings.of(read_edge_points(grid), pieces.place, pieces.samples, pieces.excavation, mined)
         return cls(scene, pieces, read_edge_nodes(grid), openings, *read_origin(grid))
 
     @property

@@ -6,6 +6,7 @@ import pytest
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.grid.edge_points import SPACING, edge_points
 from mpm_core.grid.octree import all_cells
+from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.openings import NEVER, Openings
 
 SHAPE = np.array([20, 20, 20])
@@ -30,7 +31,7 @@ def openings_of(boxes, steps):
     points = points_of(*(box([*map(float, lower)], [*map(float, upper)]) for lower, upper in boxes))
     cells = [cells_in(lower, upper) for lower, upper in boxes]
     number = np.repeat(np.arange(len(boxes)), [len(own) for own in cells])
-    return Openings.of(points, np.concatenate(cells), np.ones(len(number)), number, np.array(steps))
+    return Openings.of(points, np.concatenate(cells), np.full(len(number), ALL_SAMPLES), number, np.array(steps))
 
 
 def test_a_box_has_points_along_its_twelve_edges_at_which_rock_fills_270_degrees():
@@ -92,3 +93,14 @@ def test_parts_of_one_box_have_the_edges_of_the_whole():
     distance = np.abs(parts[:, None] - whole).sum(axis=2)
     assert distance.min(axis=0).max() <= SPACING
     assert distance.min(axis=1).max() <= SPACING
+
+
+def test_what_is_mined_again_opens_nothing_more():
+    """A box that is filled and mined again by another solid, and one that a drive ran through: their edges stay."""
+    low, high = [6, 6, 6], [12, 12, 12]
+    again = openings_of([(low, high), (low, high)], [0, 2])
+    assert len(again.edge_points(2).place) == 2 * len(again.edge_points(0).place)
+    crossed = openings_of([([2, 6, 6], [12, 8, 8]), (low, high)], [0, 1])
+    own = crossed.points.excavation == 1
+    alone = openings_of([(low, high)], [1])
+    assert (crossed.until[own] == alone.until)[crossed.points.place[own][:, 0] > 8].all()
