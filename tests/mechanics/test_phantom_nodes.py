@@ -154,7 +154,7 @@ def energy(shape, scene, tmp_path, levels=3) -> float:
 
 
 def test_a_narrow_slot_releases_what_fine_cells_do(tmp_path, monkeypatch):
-    """Within 8 %; with shared nodes it is 40 % too little at least."""
+    """Within 8 %; with shared nodes it is a third too little at least."""
     fine, own = (energy(SLOT, scene_of(), tmp_path, levels) for levels in (6, 3))
     monkeypatch.setattr(
         "mpm_core.model.model.with_phantom_nodes", lambda grid, *rest: PhantomNodes(grid, np.empty((0, 3), np.int64), 0)

@@ -61,7 +61,7 @@ def test_stiffness_contrast(base, levels, contrast):
     cells = cells_of(grid, np.where(inside, MODULUS / contrast, MODULUS))
     solution = solve(grid, cells)
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
+    assert solution.iterations <= 12
 
 
 @pytest.mark.parametrize("contrast", [8.0, 12.0, 100.0, np.inf])
@@ -73,13 +73,14 @@ def test_voids_of_one_cells_thickness(dimension, base, pillars, shift, contrast)
     solve_thin_void(dimension, base, pillars, shift, contrast)
 
 
-@pytest.mark.parametrize(("dimension", "base"), [(2, 64), (2, 512), (3, 48)])
-def test_thin_voids_of_any_length(dimension, base):
-    """38 and 308 cells, 28 by 28 cells: coarser grids cannot show them."""
-    solve_thin_void(dimension, base, False, 0, np.inf)
+@pytest.mark.parametrize(("dimension", "base", "most"), [(2, 64, 12), (2, 512, 12), (3, 48, 13)])
+def test_thin_voids_of_any_length(dimension, base, most):
+    """38 and 308 cells, 28 by 28 cells: coarser grids cannot show them. A cell in space twists more easily than it
+    bends, which costs an iteration."""
+    solve_thin_void(dimension, base, False, 0, np.inf, most)
 
 
-def solve_thin_void(dimension, base, pillars, shift, contrast):
+def solve_thin_void(dimension, base, pillars, shift, contrast, most=12):
     """At most 12 iterations. shift: cells by which the void lies higher; contrast: of rock over its fill."""
     middle, reach, size = 4.0 * base, 2.4 * base, 8.0
     low, high = middle + 2.0 + size * shift, middle + 4.0 + size * shift
@@ -93,7 +94,7 @@ def solve_thin_void(dimension, base, pillars, shift, contrast):
         inside &= grid.cell_index[:, 0] % 3 != 0
     solution = solve(grid, cells_of(grid, np.where(inside, MODULUS / contrast, MODULUS)))
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
+    assert solution.iterations <= most
 
 
 @pytest.mark.parametrize(
@@ -106,7 +107,7 @@ def test_base_dimensions_and_levels(base, levels):
     grid, inside = tunnel_and_stope(base, levels)
     solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS)))
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
+    assert solution.iterations <= 12
 
 
 @pytest.mark.parametrize(
@@ -128,7 +129,7 @@ def test_cut_cells():
     share = np.where(grid.cell_level == 2, np.random.default_rng(0).uniform(0.03, 1.0, len(inside)), 1.0)
     solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS), share=share))
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
+    assert solution.iterations <= 12
 
 
 @pytest.mark.parametrize("base", [(8, 8, 8), (7, 5, 9)])
@@ -137,4 +138,4 @@ def test_free_faces(base):
     grid, inside = tunnel_and_stope(base, 2)
     solution = solve(grid, cells_of(grid, np.where(inside, 0.0, MODULUS)), held_faces={(2, 0)})
     assert solution.ratio <= 1e-6
-    assert solution.iterations <= 13  # twist of a cell has two thirds of its bending stiffness (kernels.modes)
+    assert solution.iterations <= 12
