@@ -19,6 +19,14 @@ def units():
     return pint.UnitRegistry()
 
 
+def pint_quantity(text: str):
+    """Quantity (pint) of 1 in the unit `text`. Raises ValueError with pint's reason if it is none."""
+    try:
+        return units().Quantity(1.0, text)
+    except Exception as error:  # pint raises a dozen kinds for text that is not a unit
+        raise ValueError(str(error)) from error
+
+
 @cache
 def factor(text: str, unit: str) -> float:
     """Factor that converts a number in the unit `text` to `unit`. Raises ValueError if there is none."""
@@ -27,10 +35,10 @@ def factor(text: str, unit: str) -> float:
     import pint
 
     try:
-        return float(units().Quantity(1.0, text).to(unit).magnitude)
+        return float(pint_quantity(text).to(unit).magnitude)
     except pint.DimensionalityError as error:
         raise ValueError(f"is not convertible to {unit}") from error
-    except Exception as error:  # pint raises a dozen kinds for text that is not a unit
+    except (ValueError, pint.PintError) as error:
         raise ValueError(f"has no unit that is known; expected one like {unit} ({error})") from error
 
 

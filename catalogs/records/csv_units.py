@@ -6,7 +6,7 @@ Where two of them say different things, one is wrong, and nobody but the user kn
 import re
 
 from common.errors import InputError
-from common.quantities import units
+from common.quantities import pint_quantity, units
 
 UNIT_PATTERN = r"[^\W\d_]+(?:\^?-?\d)?(?:[ */.\u00b7]+[^\W\d_]+(?:\^?-?\d)?)*"  # m, m3, N m, dyn.cm
 MAX_UNIT_LENGTH = 30  # characters
@@ -32,8 +32,8 @@ def unit_quantity(text: str):
         return None
     plain = re.sub(r"(?<=[^\W\d_])\^?(-?\d)", r"**\1", re.sub(r"[.\u00b7]", "*", text))
     try:
-        return units().Quantity(1.0, plain)
-    except Exception:  # pint raises a dozen kinds for text that is not a unit
+        return pint_quantity(plain)
+    except ValueError:
         return None
 
 
