@@ -3,29 +3,35 @@
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # imports its parts as they are used, which small stages would wait for
 
 from mpm_core.geometry.solids import Outside, Solid
-from mpm_core.grid.edge_nodes import is_edge, sharp_edges
+from mpm_core.grid.edge_nodes import MAX_DISTANCE_ON_LATTICE, EdgeNodes, is_edge, sharp_edges
 
 SPACING = 0.5  # finest cells; largest distance of two points of an edge
+NODE_DISTANCE = 1.0  # finest cells; a point has a node if one lies on the edge as near as this
 
 
 class EdgePoints(NamedTuple):
     """Points along edges: place (k, d) in finest cells from the domain's lower corner; angle (k,) that rock fills
-    around the edge, radians; excavation (k,) whose edge it is."""
+    around the edge, radians; excavation (k,) whose edge it is; has_node (k,) bool: a node lies on the edge there."""
 
     place: np.ndarray
     angle: np.ndarray
     excavation: np.ndarray
+    has_node: np.ndarray
 
     @classmethod
     def none(cls, dimension: int) -> "EdgePoints":
         """No edge."""
-        return cls(np.empty((0, dimension)), np.empty(0), np.empty(0, np.int16))
+        return cls(np.empty((0, dimension)), np.empty(0), np.empty(0, np.int16), np.empty(0, bool))
 
 
-def edge_points(solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float, shape: np.ndarray) -> EdgePoints:
-    """Points along the edges of these excavations; shape (d,) finest cells of the domain."""
+def edge_points(
+    solids: list[Solid | Outside], nodes: EdgeNodes, origin: np.ndarray, fine_cell: float, shape: np.ndarray
+) -> EdgePoints:
+    """Points along the edges of these excavations; nodes: those that are moved; shape (d,) finest cells of the
+    domain."""
     found = [EdgePoints.none(len(shape))]
     for number, solid in enumerate(solids):
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
@@ -39,5 +45,23 @@ def edge_points(solids: list[Solid | Outside], origin: np.ndarray, fine_cell: fl
         place = segments[row, 0] + share[:, None] * along[row]
         within = ((place > 0.0) & (place < shape)).all(axis=1)
         place, turn = place[within], turn[row[within]]
-        found.append(EdgePoints(place, np.pi + turn, np.full(len(place), number, np.int16)))
+        at_node = has_node(place, along[row[within]], nodes)
+        found.append(EdgePoints(place, np.pi + turn, np.full(len(place), number, np.int16), at_node))
     return EdgePoints(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
+
+
+def has_node(place: np.ndarray, along: np.ndarray, nodes: EdgeNodes) -> np.ndarray:
+    """(k,) bool: True where a node lies on the straight edge along (k, d) through place (k, d), NODE_DISTANCE away or
+    less; along is 0 in plane strain. nodes: those that are moved."""
+    moved = nodes.place + nodes.shift
+    point = np.repeat(np.arange(len(place)), 1)
+    node = np.rint(place)
+    if len(moved):
+        near = scipy.spatial.cKDTree(moved).query_ball_point(place, NODE_DISTANCE)
+        count = np.array([len(found) for found in near], dtype=np.int64)
+        point = np.append(point, np.repeat(np.arange(len(place)), count))
+        node = np.concatenate([node, moved[np.concatenate(near).astype(np.int64)]])
+    apart, length = node - place[point], np.linalg.norm(along, axis=1)
+    direction = (along / np.where(length > 0.0, length, 1.0)[:, None])[point]
+    apart -= np.sum(apart * direction, axis=1)[:, None] * direction
+    return np.bincount(point[np.linalg.norm(apart, axis=1) <= 1e3 * MAX_DISTANCE_ON_LATTICE], minlength=len(place)) > 0

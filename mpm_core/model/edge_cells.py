@@ -1,4 +1,6 @@
-"""The cells at sharp edges of openings, and the angle that rock fills around the edge of each."""
+"""The kinds of sharp edges of openings, and the cells at edges of each kind."""
+
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # imports its parts as they are used, which small stages would wait for
@@ -7,27 +9,45 @@ from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.edge_points import EdgePoints
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.model.edge_factor import PATCH, PATCH_WITHOUT_NODE, edge_factor
 
 ANGLE_STEP = np.radians(5.0)  # Angles are rounded to multiples of it: each has rows of its own in a model's tables.
 MAX_ANGLE = np.radians(350.0)
 
 
-def angle_classes(points: EdgePoints) -> np.ndarray:
-    """The rounded angles (class,) of edge points, ascending, radians."""
-    return np.unique(_rounded(points)) * ANGLE_STEP
+class EdgeKinds(NamedTuple):
+    """Kinds of edges: code (kind,) ascending; angle (kind,) that rock fills, rounded, radians; has_node (kind,) bool: a
+    node lies on such an edge."""
+
+    code: np.ndarray
+    angle: np.ndarray
+    has_node: np.ndarray
+
+    @classmethod
+    def of(cls, points: EdgePoints) -> "EdgeKinds":
+        """Those of these points."""
+        code = np.unique(_codes(points))
+        return cls(code, code // 2 * ANGLE_STEP, code % 2 == 0)
+
+    def factors(self, poisson_ratios: list[float]) -> np.ndarray:
+        """Factor (kind, k) on the stiffness of rock with these Poisson's ratios (k,) around edges of each kind."""
+        patch = np.where(self.has_node, PATCH, PATCH_WITHOUT_NODE).tolist()
+        factors = [
+            [edge_factor(angle, nu, cells) for nu in poisson_ratios]
+            for angle, cells in zip(self.angle.tolist(), patch, strict=True)
+        ]
+        return np.array(factors).reshape(len(patch), len(poisson_ratios))
 
 
-def edge_classes(
-    points: EdgePoints, grid: MultiLevelGrid, distorted: DistortedCells, classes: np.ndarray
-) -> np.ndarray:
-    """Class (cell,) of the largest rounded angle at each finest cell next to an edge, of classes (class,); -1 none.
+def kinds_at_cells(points: EdgePoints, grid: MultiLevelGrid, distorted: DistortedCells, kinds: EdgeKinds) -> np.ndarray:
+    """Kind (cell,) of the edge of the largest angle next to each finest cell, of these kinds; -1 none.
 
     Next to an edge are the cells around the node that is nearest to it, and around the place in the lattice that is.
     """
     found = np.full(len(grid.cell_level), -1)
     if not len(points.place):
         return found
-    number = np.searchsorted(classes, _rounded(points) * ANGLE_STEP - 0.5 * ANGLE_STEP)
+    number = np.searchsorted(kinds.code, _codes(points))
     nearest = np.rint(points.place).astype(np.int64)
     offsets = corner_offsets(grid.dimension).astype(np.int64)
     shift = distorted.corners - offsets
@@ -46,5 +66,5 @@ def edge_classes(
     return found
 
 
-def _rounded(points: EdgePoints) -> np.ndarray:
-    return np.rint(np.minimum(points.angle, MAX_ANGLE) / ANGLE_STEP)
+def _codes(points: EdgePoints) -> np.ndarray:
+    return 2 * np.rint(np.minimum(points.angle, MAX_ANGLE) / ANGLE_STEP).astype(np.int64) + ~points.has_node

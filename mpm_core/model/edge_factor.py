@@ -7,7 +7,8 @@ edge takes it away (Zenger and Gietl 1978; Egger, Ruede and Wohlmuth 2014), and 
 it, a patch of cells around the edge whose outer nodes move as the field does holds the energy of the field.
 
 The patch is PATCH cells wide: at an opening four cells across it reaches half-way to the next edge. In a wider one the
-factor is nearer to 1, since cells further away add errors of their own, of second order.
+factor is nearer to 1, since cells further away add errors of their own, of second order. Where no node of the grid
+lies on the edge, no inner node of such a patch can follow the field: there the patch is one cell wide.
 """
 
 import functools
@@ -20,7 +21,8 @@ from mpm_core.grid.octree import all_cells
 from mpm_core.model.particles import MASSIVE_BENDING_SHARE, bending_stiffness
 
 PATCH = 2  # cells from the edge to the border of the patch
-SECTORS = 3  # of the patch, each of PATCH^2 rhombic cells: those of a lattice around a right-angled opening
+PATCH_WITHOUT_NODE = 1  # the same where no node lies on the edge
+SECTORS = 3  # of the patch, each of rhombic cells: those of a lattice around a right-angled opening
 GAUSS_POINTS = 12  # of the energy of the field, in each half of a sector
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])  # of a cell, along the two sides of its sector
 
@@ -55,6 +57,13 @@ class SingularField:
         )
         return np.where(edge, 0.0, 0.5 * twice)
 
+    def density(self, z: np.ndarray) -> np.ndarray:
+        """Energy density (k,) at places z (k,) complex."""
+        power = self.exponent
+        mean = 2.0 * (power * z ** (power - 1.0)).real
+        shear = np.abs(np.conj(z) * power * (power - 1.0) * z ** (power - 2.0) + self.b * power * z ** (power - 1.0))
+        return 0.5 * (1.0 - 2.0 * self.poisson_ratio) * mean**2 + 0.5 * shear**2
+
     def energy(self, start: float, width: float, size: float) -> float:
         """Energy in a rhombus with a corner at the edge, sides of this size, the first in direction start, radians, the
         other one width further: the density goes with r^(2 l - 2)."""
@@ -62,10 +71,7 @@ class SingularField:
         point, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         turn = 0.25 * width * np.concatenate([point + 1.0, point + 3.0])  # the outer sides meet half-way
         reach = size * np.sin(width) / np.maximum(np.sin(turn), np.sin(width - turn))
-        z = np.exp(1j * (start + turn))
-        mean = 2.0 * (power * z ** (power - 1.0)).real
-        shear = np.abs(np.conj(z) * power * (power - 1.0) * z ** (power - 2.0) + self.b * power * z ** (power - 1.0))
-        density = 0.5 * (1.0 - 2.0 * self.poisson_ratio) * mean**2 + 0.5 * shear**2
+        density = self.density(np.exp(1j * (start + turn)))
         return float(np.sum(0.25 * width * np.tile(weight, 2) * reach ** (2.0 * power) * density)) / (2.0 * power)
 
 
@@ -92,23 +98,23 @@ def cell_stiffness(start: float, width: float, poisson_ratio: float) -> np.ndarr
 
 
 @functools.cache
-def edge_factor(angle: float, poisson_ratio: float) -> float:
+def edge_factor(angle: float, poisson_ratio: float, patch: int = PATCH) -> float:
     """Factor on the stiffness of rock cells around an edge at which rock fills this angle, radians, pi to 2 pi.
 
-    1 where the patch holds no more energy than the field.
+    patch: its width, cells. 1 where the patch holds no more energy than the field.
     """
     field, width = SingularField.of(angle, poisson_ratio), angle / SECTORS
-    corners = (all_cells((PATCH, PATCH))[:, None, :] + CORNERS).reshape(-1, 2)
+    corners = (all_cells((patch, patch))[:, None, :] + CORNERS).reshape(-1, 2)
     places, matrices, energy = [], [], 0.0
     for start in -0.5 * angle + width * np.arange(SECTORS):
         places.append(corners @ np.exp(1j * np.array([start, start + width])))
-        matrices += PATCH**2 * [cell_stiffness(start, width, poisson_ratio)]
-        energy += field.energy(start, width, PATCH)
+        matrices += patch**2 * [cell_stiffness(start, width, poisson_ratio)]
+        energy += field.energy(start, width, patch)
     place, first, nodes = np.unique(np.concatenate(places).round(9), return_index=True, return_inverse=True)
     at_edge = (place[nodes] == 0.0).reshape(-1, 4).any(axis=1)
     rows = (2 * nodes.reshape(-1, 4, 1) + np.arange(2)).reshape(-1, 8)
     moves = field.displacement(place).view(float)  # both components of each node
-    free = np.repeat(np.tile(corners.max(axis=1), SECTORS)[first] < PATCH, 2)
+    free = np.repeat(np.tile(corners.max(axis=1), SECTORS)[first] < patch, 2)
 
     def excess(factor: float) -> float:
         stiffness = np.zeros((len(moves), len(moves)))

@@ -14,8 +14,7 @@ from mpm_core.grid.mesh import BIT_ORDER, MultiLevelGrid
 from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_cells, mark_corners
-from mpm_core.model.edge_cells import angle_classes, edge_classes
-from mpm_core.model.edge_factor import edge_factor
+from mpm_core.model.edge_cells import EdgeKinds, kinds_at_cells
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
 from mpm_core.model.openings import Openings
 from mpm_core.model.particles import (
@@ -53,15 +52,15 @@ class Model:
     insitu: np.ndarray
     """(particle, 6) Pa, virgin stress; zero for fill, which starts without stress"""
     elastic_constants: np.ndarray
-    """(row, 2) lambda, mu, Pa; rows are those of materials, and once more for each angle of edge_angles"""
+    """(row, 2) lambda, mu, Pa; rows are those of materials, and once more for each kind of edge"""
     law: ModuleType
     """of failure, of all rock (constitutive.laws); kernels are made for it"""
     intact_rows: np.ndarray
     residual_rows: np.ndarray
     """(row, column) strength rows of the law"""
     openings: Openings
-    edge_angles: np.ndarray
-    """(class,) radians: classes of the angle that rock fills around sharp edges of openings"""
+    edge_kinds: EdgeKinds
+    """of the sharp edges of openings"""
     held: np.ndarray
     """(node, d) bool: fixed or on a roller"""
     unsupported: Unsupported
@@ -151,7 +150,7 @@ class Model:
         if self.scene.cut_cells != "mean" or step == self.step:
             return self
         particles = at_step(self.particles, self.changes, step, self.grid)
-        particles = with_edges(particles, self.openings, self.edge_angles, self.grid, step, len(self.scene.materials))
+        particles = with_edges(particles, self.openings, self.edge_kinds, self.grid, step, len(self.scene.materials))
         moved = np.flatnonzero((particles.position != self.particles.position).any(axis=1) & particles.is_rock)
         insitu = self.insitu.copy()
         insitu[moved] = virgin_stress(self.scene, particles.position[moved])
@@ -284,11 +283,11 @@ def _on_nodes(grid: MultiLevelGrid, scene: Scene) -> dict:
 
 
 def with_edges(
-    particles: Particles, openings: Openings, angles: np.ndarray, grid: MultiLevelGrid, step: int, materials: int
+    particles: Particles, openings: Openings, kinds: EdgeKinds, grid: MultiLevelGrid, step: int, materials: int
 ) -> Particles:
-    """These particles with rock next to the edges of a step in the rows of its angle (edge_factor.py)."""
+    """These particles with rock next to the edges of a step in the rows of their kind (edge_factor.py)."""
     row = particles.material % materials
-    number = edge_classes(openings.edge_points(step), grid, particles.distorted, angles)[particles.cell]
+    number = kinds_at_cells(openings.edge_points(step), grid, particles.distorted, kinds)[particles.cell]
     row[particles.is_rock] += ((1 + number) * materials).astype(row.dtype)[particles.is_rock]
     return replace(particles, material=row)
 
@@ -325,18 +324,18 @@ def build_model(
     phantom_nodes = without_phantom_nodes(grid)
     at = step if at is None else at
     openings = openings or Openings.none(grid.dimension)
-    angles = angle_classes(openings.points)
+    kinds = EdgeKinds.of(openings.points)
     if scene.cut_cells == "mean":
         particles = at_step(particles, changes, at, grid)
-        particles = with_edges(particles, openings, angles, grid, at, len(scene.materials))
+        particles = with_edges(particles, openings, kinds, grid, at, len(scene.materials))
         phantom_nodes = with_phantom_nodes(grid, changes, at)
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = list(scene.materials.values())
     law = law_of_all(materials)
-    intact_rows, residual_rows = rows_of_all(law, materials * (1 + len(angles)), scene.frame_axes)
+    intact_rows, residual_rows = rows_of_all(law, materials * (1 + len(kinds.code)), scene.frame_axes)
     constants = np.array([(material.lame_lambda, material.shear_modulus) for material in materials])
-    factors = [[edge_factor(angle, material.poisson_ratio) for material in materials] for angle in angles]
+    factors = kinds.factors([material.poisson_ratio for material in materials])
     return Model(
         scene=scene,
         body=body,
@@ -344,9 +343,9 @@ def build_model(
         changes=changes,
         particles=particles,
         insitu=insitu,
-        elastic_constants=np.concatenate([constants, *(constants * np.array(row)[:, None] for row in factors)]),
+        elastic_constants=np.concatenate([constants, *(constants * row[:, None] for row in factors)]),
         openings=openings,
-        edge_angles=angles,
+        edge_kinds=kinds,
         law=law,
         intact_rows=intact_rows,
         residual_rows=residual_rows,

@@ -297,11 +297,12 @@ def edge_nodes_of(values: GridSlice, solids: list[Solid | Outside], domain: Doma
     return choose_edge_nodes(solids, domain.lower, fine, domain.base_shape << domain.levels - 1)
 
 
-def edge_points_of(values: GridSlice, solids: list[Solid | Outside], domain: Domain) -> EdgePoints:
-    """Points along edges of excavations: with `cut_cells: mean`."""
+def edge_points_of(values: GridSlice, solids: list[Solid | Outside], nodes: EdgeNodes, domain: Domain) -> EdgePoints:
+    """Points along edges of excavations: with `cut_cells: mean`; nodes: those that are moved onto edges."""
     if values.grid.cut_cells != "mean":
         return EdgePoints.none(len(domain.lower))
-    return edge_points(solids, domain.lower, domain.cell(domain.levels - 1), domain.base_shape << domain.levels - 1)
+    fine = domain.cell(domain.levels - 1)
+    return edge_points(solids, nodes, domain.lower, fine, domain.base_shape << domain.levels - 1)
 
 
 def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
@@ -372,7 +373,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
         pieces,
         of_pieces,
         edge_nodes,
-        edge_points_of(values, solids, domain),
+        edge_points_of(values, solids, edge_nodes, domain),
         values.plane,
         attributes
         | {

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mpm_core.geometry.shapes import build_shape
+from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
 from mpm_core.grid.edge_points import SPACING, edge_points
 from mpm_core.grid.octree import all_cells
 from mpm_core.model.occupancy import ALL_SAMPLES
@@ -18,7 +19,8 @@ def box(lower, upper):
 
 def points_of(*solids):
     dimension = solids[0].dimension
-    return edge_points(list(solids), np.zeros(dimension), 1.0, SHAPE[:dimension])
+    nodes = choose_edge_nodes(list(solids), np.zeros(dimension), 1.0, SHAPE[:dimension])
+    return edge_points(list(solids), nodes, np.zeros(dimension), 1.0, SHAPE[:dimension])
 
 
 def cells_in(lower, upper):
@@ -47,6 +49,32 @@ def test_a_box_has_points_along_its_twelve_edges_at_which_rock_fills_270_degrees
 def test_in_plane_strain_each_vertex_is_one():
     points = points_of(box([4.3, 5.1], [9.0, 9.5]))
     assert sorted(map(tuple, points.place.tolist())) == [(4.3, 5.1), (4.3, 9.5), (9.0, 5.1), (9.0, 9.5)]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_an_edge_on_the_lattice_has_nodes_without_any_being_moved(dimension):
+    low, high = [6.0] * dimension, [12.0] * dimension
+    solids, origin = [box(low, high)], np.zeros(dimension)
+    assert edge_points(solids, EdgeNodes.none(dimension), origin, 1.0, SHAPE[:dimension]).has_node.all()
+    within = [box([x + 0.4 for x in low], high)]
+    without = edge_points(within, EdgeNodes.none(dimension), origin, 1.0, SHAPE[:dimension])
+    lattice = ((without.place % 1.0 < 1e-9).sum(axis=1) >= 2) if dimension == 3 else (without.place == 12.0).all(axis=1)
+    assert (without.has_node == lattice).all()
+
+
+def test_an_edge_has_a_node_where_one_is_moved_onto_it():
+    """Plane strain: at the lower left vertex a node of the opening would have to cross its cell, and does not."""
+    points = points_of(box([6.2, 6.2], [12.2, 12.2]))
+    found = dict(zip(map(tuple, points.place.tolist()), points.has_node.tolist(), strict=True))
+    assert found[(12.2, 12.2)]
+    assert not found[(6.2, 6.2)]
+
+
+def test_an_upright_edge_has_nodes_along_its_whole_length():
+    points = points_of(box([6.0, 6.0, 6.3], [12.2, 12.2, 12.4]))
+    upright = np.isclose(points.place[:, 0], 12.2) & np.isclose(points.place[:, 1], 12.2)
+    assert upright.sum() > 8
+    assert points.has_node[upright].all()
 
 
 def test_beyond_the_domain_there_is_none():

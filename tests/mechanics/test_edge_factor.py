@@ -76,6 +76,12 @@ def test_a_flat_wall_needs_none_and_sharper_edges_need_more():
         assert (np.diff(factors) < 0.0).all()
 
 
+def test_fewer_cells_around_an_edge_need_a_smaller_factor():
+    for angle in np.radians([200, 270, 330]):
+        factors = [edge_factor(angle, 0.25, patch) for patch in (1, 2, 3)]
+        assert (np.diff(factors) > 0.0).all()
+
+
 def test_a_lattice_of_squares_gives_the_same_factor():
     """Slow twin for 270 degrees: a lattice of squares around the edge, one quadrant missing, a system of all nodes."""
     nu, lame = 0.25, 1.0
