@@ -84,7 +84,7 @@ FIELDS = _table(
     Field("edge_point_place", ("edge_point", "xyz"), np.float64, "m", "points along the sharp edges of excavations"),
     Field("edge_point_angle", ("edge_point",), np.float64, "rad", "angle that rock fills around the edge"),
     Field("edge_point_excavation", ("edge_point",), np.int16, "1", "index of the excavation whose edge it is"),
-    Field("edge_point_has_node", ("edge_point",), np.int8, "1", "1 where a node of the grid lies on the edge"),
+    Field("edge_point_shares_nodes", ("edge_point",), np.int8, "1", "1 where nodes carry the motion of both its walls"),
     # elastic.nc and steps/<step>.nc
     "position",
     "cell",
@@ -218,7 +218,7 @@ def grid_dataset(
         "edge_point_place": embed(grid.origin + edge_points.place * grid.fine_cell, axes),
         "edge_point_angle": edge_points.angle,
         "edge_point_excavation": edge_points.excavation,
-        "edge_point_has_node": edge_points.has_node,
+        "edge_point_shares_nodes": edge_points.shares_nodes,
         **_surfaces(solids, axes),
     }
     dataset = xr.Dataset({name: variable(name, array) for name, array in values.items()})
@@ -282,8 +282,8 @@ def read_edge_points(dataset: xr.Dataset) -> EdgePoints:
     """Points along edges of excavations, from the dataset of grid.nc."""
     origin, fine = read_origin(dataset)
     place = (dataset.edge_point_place.values[:, _axes(dataset)] - origin) / fine
-    has_node = dataset.edge_point_has_node.values.astype(bool)
-    return EdgePoints(place, dataset.edge_point_angle.values, dataset.edge_point_excavation.values, has_node)
+    shares_nodes = dataset.edge_point_shares_nodes.values.astype(bool)
+    return EdgePoints(place, dataset.edge_point_angle.values, dataset.edge_point_excavation.values, shares_nodes)
 
 
 def _axes(dataset: xr.Dataset) -> list[int]:

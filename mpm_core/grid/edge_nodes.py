@@ -46,8 +46,10 @@ class SharpEdges(NamedTuple):
 
     segments: np.ndarray
     """(segment, 2, d) m"""
+    normals: np.ndarray
+    """(segment, 2, d) unit normals of its two facets, outward"""
     turn: np.ndarray
-    """(segment,) angle between the normals of its two facets, radians"""
+    """(segment,) angle between them, radians"""
     corners: np.ndarray
     """(corner, d) m"""
 
@@ -86,9 +88,10 @@ def sharp_edges(solid: Solid) -> SharpEdges:
     convex = np.sum(beyond * normals[facet[one]], axis=1) < 0.0
     sharp = (turn >= MIN_TURN) & convex
     keys, turn = keys[pairs[sharp]], turn[sharp]
+    of_edge = np.stack([normals[facet[one[sharp]]], normals[facet[other[sharp]]]], axis=1)
     if dimension == 2:
-        return SharpEdges(vertices[np.repeat(keys, 2, axis=1)], turn, np.empty((0, 2)))
-    return SharpEdges(vertices[keys], turn, vertices[_bends(vertices, keys)])
+        return SharpEdges(vertices[np.repeat(keys, 2, axis=1)], of_edge, turn, np.empty((0, 2)))
+    return SharpEdges(vertices[keys], of_edge, turn, vertices[_bends(vertices, keys)])
 
 
 def _bends(vertices: np.ndarray, edges: np.ndarray) -> np.ndarray:

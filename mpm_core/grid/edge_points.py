@@ -6,20 +6,22 @@ import numpy as np
 import scipy  # imports its parts as they are used, which small stages would wait for
 
 from mpm_core.geometry.solids import Outside, Solid
-from mpm_core.grid.edge_nodes import MAX_DISTANCE_ON_LATTICE, EdgeNodes, is_edge, sharp_edges
+from mpm_core.grid.edge_nodes import EdgeNodes, is_edge, sharp_edges
 
 SPACING = 0.5  # finest cells; largest distance of two points of an edge
-NODE_DISTANCE = 1.0  # finest cells; a point has a node if one lies on the edge as near as this
+NODE_DISTANCE = 1.0  # finest cells; an edge has a node at a point if one lies on it as near as this
+ON_LATTICE = 1e-3  # finest cells; a node this near to an edge, or a wall this near to faces of cells, lies on it
 
 
 class EdgePoints(NamedTuple):
     """Points along edges: place (k, d) in finest cells from the domain's lower corner; angle (k,) that rock fills
-    around the edge, radians; excavation (k,) whose edge it is; has_node (k,) bool: a node lies on the edge there."""
+    around the edge, radians; excavation (k,) whose edge it is; shares_nodes (k,) bool: nodes there carry the motion of
+    both its walls, since no node lies on the edge and neither wall lies on faces of cells."""
 
     place: np.ndarray
     angle: np.ndarray
     excavation: np.ndarray
-    has_node: np.ndarray
+    shares_nodes: np.ndarray
 
     @classmethod
     def none(cls, dimension: int) -> "EdgePoints":
@@ -45,8 +47,9 @@ def edge_points(
         place = segments[row, 0] + share[:, None] * along[row]
         within = ((place > 0.0) & (place < shape)).all(axis=1)
         place, turn = place[within], turn[row[within]]
-        at_node = has_node(place, along[row[within]], nodes)
-        found.append(EdgePoints(place, np.pi + turn, np.full(len(place), number, np.int16), at_node))
+        row = row[within]
+        shares = ~(has_node(place, along[row], nodes) | on_faces(place, edges.normals[chosen][row]))
+        found.append(EdgePoints(place, np.pi + turn, np.full(len(place), number, np.int16), shares))
     return EdgePoints(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
 
 
@@ -64,4 +67,11 @@ def has_node(place: np.ndarray, along: np.ndarray, nodes: EdgeNodes) -> np.ndarr
     apart, length = node - place[point], np.linalg.norm(along, axis=1)
     direction = (along / np.where(length > 0.0, length, 1.0)[:, None])[point]
     apart -= np.sum(apart * direction, axis=1)[:, None] * direction
-    return np.bincount(point[np.linalg.norm(apart, axis=1) <= 1e3 * MAX_DISTANCE_ON_LATTICE], minlength=len(place)) > 0
+    return np.bincount(point[np.linalg.norm(apart, axis=1) <= ON_LATTICE], minlength=len(place)) > 0
+
+
+def on_faces(place: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(k,) bool: True where one of the two walls through place (k, d), of normals (k, 2, d), lies on faces of cells."""
+    across = np.abs(normals) > 1.0 - 1e-6
+    near = np.abs(place - np.rint(place)) <= ON_LATTICE
+    return (across & near[:, None, :]).any(axis=(1, 2))

@@ -9,29 +9,29 @@ from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import DistortedCells, corner_offsets
 from mpm_core.grid.edge_points import EdgePoints
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.model.edge_factor import PATCH, PATCH_WITHOUT_NODE, edge_factor
+from mpm_core.model.edge_factor import PATCH, PATCH_OF_SHARED_NODES, edge_factor
 
 ANGLE_STEP = np.radians(5.0)  # Angles are rounded to multiples of it: each has rows of its own in a model's tables.
 MAX_ANGLE = np.radians(350.0)
 
 
 class EdgeKinds(NamedTuple):
-    """Kinds of edges: code (kind,) ascending; angle (kind,) that rock fills, rounded, radians; has_node (kind,) bool: a
-    node lies on such an edge."""
+    """Kinds of edges: code (kind,) ascending; angle (kind,) that rock fills, rounded, radians; shares_nodes (kind,)
+    bool: see EdgePoints."""
 
     code: np.ndarray
     angle: np.ndarray
-    has_node: np.ndarray
+    shares_nodes: np.ndarray
 
     @classmethod
     def of(cls, points: EdgePoints) -> "EdgeKinds":
         """Those of these points."""
         code = np.unique(_codes(points))
-        return cls(code, code // 2 * ANGLE_STEP, code % 2 == 0)
+        return cls(code, code // 2 * ANGLE_STEP, code % 2 == 1)
 
     def factors(self, poisson_ratios: list[float]) -> np.ndarray:
         """Factor (kind, k) on the stiffness of rock with these Poisson's ratios (k,) around edges of each kind."""
-        patch = np.where(self.has_node, PATCH, PATCH_WITHOUT_NODE).tolist()
+        patch = np.where(self.shares_nodes, PATCH_OF_SHARED_NODES, PATCH).tolist()
         factors = [
             [edge_factor(angle, nu, cells) for nu in poisson_ratios]
             for angle, cells in zip(self.angle.tolist(), patch, strict=True)
@@ -67,4 +67,4 @@ def kinds_at_cells(points: EdgePoints, grid: MultiLevelGrid, distorted: Distorte
 
 
 def _codes(points: EdgePoints) -> np.ndarray:
-    return 2 * np.rint(np.minimum(points.angle, MAX_ANGLE) / ANGLE_STEP).astype(np.int64) + ~points.has_node
+    return 2 * np.rint(np.minimum(points.angle, MAX_ANGLE) / ANGLE_STEP).astype(np.int64) + points.shares_nodes

@@ -7,8 +7,8 @@ edge takes it away (Zenger and Gietl 1978; Egger, Ruede and Wohlmuth 2014), and 
 it, a patch of cells around the edge whose outer nodes move as the field does holds the energy of the field.
 
 The patch is PATCH cells wide: at an opening four cells across it reaches half-way to the next edge. In a wider one the
-factor is nearer to 1, since cells further away add errors of their own, of second order. Where no node of the grid
-lies on the edge, no inner node of such a patch can follow the field: there the patch is one cell wide.
+factor is nearer to 1, since cells further away add errors of their own, of second order. Where nodes carry the motion
+of both walls of an edge (edge_points.py), no inner node of such a patch can follow the field: its width is one cell.
 """
 
 import functools
@@ -21,7 +21,7 @@ from mpm_core.grid.octree import all_cells
 from mpm_core.model.particles import MASSIVE_BENDING_SHARE, bending_stiffness
 
 PATCH = 2  # cells from the edge to the border of the patch
-PATCH_WITHOUT_NODE = 1  # the same where no node lies on the edge
+PATCH_OF_SHARED_NODES = 1  # the same where nodes carry the motion of both walls
 SECTORS = 3  # of the patch, each of rhombic cells: those of a lattice around a right-angled opening
 GAUSS_POINTS = 12  # of the energy of the field, in each half of a sector
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])  # of a cell, along the two sides of its sector

@@ -55,26 +55,34 @@ def test_in_plane_strain_each_vertex_is_one():
 def test_an_edge_on_the_lattice_has_nodes_without_any_being_moved(dimension):
     low, high = [6.0] * dimension, [12.0] * dimension
     solids, origin = [box(low, high)], np.zeros(dimension)
-    assert edge_points(solids, EdgeNodes.none(dimension), origin, 1.0, SHAPE[:dimension]).has_node.all()
+    assert not edge_points(solids, EdgeNodes.none(dimension), origin, 1.0, SHAPE[:dimension]).shares_nodes.any()
     within = [box([x + 0.4 for x in low], high)]
     without = edge_points(within, EdgeNodes.none(dimension), origin, 1.0, SHAPE[:dimension])
-    lattice = ((without.place % 1.0 < 1e-9).sum(axis=1) >= 2) if dimension == 3 else (without.place == 12.0).all(axis=1)
-    assert (without.has_node == lattice).all()
+    low_wall = np.isclose(without.place % 1.0, 0.4).sum(axis=1) >= 2  # its walls at the upper corner lie on faces
+    assert (without.shares_nodes == low_wall).all()
+
+
+def test_nodes_on_one_of_its_walls_are_not_shared_by_the_other():
+    points = points_of(box([6.0, 6.2], [12.3, 12.2]))
+    found = dict(zip(map(tuple, points.place.tolist()), points.shares_nodes.tolist(), strict=True))
+    assert not found[(6.0, 6.2)]
+    assert not found[(6.0, 12.2)]
+    assert found[(12.3, 6.2)]
 
 
 def test_an_edge_has_a_node_where_one_is_moved_onto_it():
     """Plane strain: at the lower left vertex a node of the opening would have to cross its cell, and does not."""
     points = points_of(box([6.2, 6.2], [12.2, 12.2]))
-    found = dict(zip(map(tuple, points.place.tolist()), points.has_node.tolist(), strict=True))
-    assert found[(12.2, 12.2)]
-    assert not found[(6.2, 6.2)]
+    found = dict(zip(map(tuple, points.place.tolist()), points.shares_nodes.tolist(), strict=True))
+    assert not found[(12.2, 12.2)]
+    assert found[(6.2, 6.2)]
 
 
 def test_an_upright_edge_has_nodes_along_its_whole_length():
     points = points_of(box([6.0, 6.0, 6.3], [12.2, 12.2, 12.4]))
     upright = np.isclose(points.place[:, 0], 12.2) & np.isclose(points.place[:, 1], 12.2)
     assert upright.sum() > 8
-    assert points.has_node[upright].all()
+    assert not points.shares_nodes[upright].any()
 
 
 def test_beyond_the_domain_there_is_none():

@@ -8,7 +8,7 @@ from mechanics.scenes import HOST
 from mechanics.test_edges import model_of
 from mechanics.test_steps_with_edge_nodes import grid_of
 from mpm_core.equilibrium.body import Body
-from mpm_core.model.edge_factor import PATCH, PATCH_WITHOUT_NODE, SingularField, edge_factor
+from mpm_core.model.edge_factor import PATCH, PATCH_OF_SHARED_NODES, SingularField, edge_factor
 
 ANGLE = np.radians(270.0)
 LOW = np.array([8.0, 8.0])  # lattice place nearest to the edge at the opening's lower corner
@@ -80,7 +80,7 @@ def needed():
     return [factor_needed(np.array([x, y])) for x in shares for y in shares]
 
 
-@pytest.mark.parametrize(("at_node", "patch", "tolerance"), [(True, PATCH, 0.03), (False, PATCH_WITHOUT_NODE, 0.05)])
+@pytest.mark.parametrize(("at_node", "patch", "tolerance"), [(True, PATCH, 0.03), (False, PATCH_OF_SHARED_NODES, 0.05)])
 def test_the_factor_is_what_edges_need_in_the_mean(needed, at_node, patch, tolerance):
     own = [factor for has_node, factor in needed if has_node == at_node]
     assert 5 <= len(own) <= 11
