@@ -90,7 +90,7 @@ def kept_out(errors: list[cell_errors.CellError], sizes: tuple[str, ...]) -> tup
 
 
 def test_of_mines_that_the_law_does_not_know_it_covers_nine_runs_of_ten(errors):
-    """Of standard and fine, of which reports state it; each mine judged by the law of the other seven."""
+    """Of standard and fine, of which reports state it; each mine judged by the law of the other eight."""
     assert {one.mine for one in errors} == set(load_study(FOLDER / "openings.yaml").settings["scenes"])
     size, stated = kept_out(errors, (cell_errors.STANDARD, cell_errors.FINE))
     assert len(size) > 8 * 4 * 2
