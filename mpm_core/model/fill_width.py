@@ -38,27 +38,33 @@ def fill_shares(
         rock, solid = changes.rock_samples(cells, step), changes.solid_samples(cells, step)
         filled = np.bitwise_count(solid & ~rock) / SAMPLES_PER_CELL
         own, cell = fill[step_of == step], np.flatnonzero(filled)
+        new = np.isin(cell, particles.cell[own])
         of_cell = np.ones(cells)
-        of_cell[cell] = width_shares(grid.cell_index[cell], filled[cell], ((rock == NO_SAMPLES) | stiff)[cell])
+        bears = ((rock == NO_SAMPLES) | stiff)[cell]
+        of_cell[cell[new]] = width_shares(grid.cell_index[cell], filled[cell], bears, new)
         share[own] = np.maximum(np.rint(SHARES * of_cell[particles.cell[own]]), 1.0) / SHARES
     return share
 
 
-def width_shares(place: np.ndarray, fill: np.ndarray, bears: np.ndarray) -> np.ndarray:
-    """Factor (cell,) on the stiffness of fill: the share of its width that lies in cells which bear stress; 1 if there
-    are none, or if its walls lie obliquely by MAX_SLOPE or more.
+def width_shares(place: np.ndarray, fill: np.ndarray, bears: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Factor (k,) on the stiffness of fill in the chosen cells: the share of its width that lies in cells which bear
+    stress; 1 if there are none, or if its walls lie obliquely by MAX_SLOPE or more.
 
-    place (cell, d) in the lattice, each once; fill (cell,) share of each that is fill, above 0; bears (cell,) bool. The
-    width is along the axis on which it is smallest, as far as cells with fill are next to each other.
+    place (cell, d) in the lattice, each once; fill (cell,) share of each that is fill, above 0; bears, chosen (cell,)
+    bool. The width is along the axis on which it is smallest, as far as cells with fill are next to each other.
     """
-    width, share = np.full(len(place), np.inf), np.ones(len(place))
+    own = place[chosen]
+    width, share = np.full(len(own), np.inf), np.ones(len(own))
+    near = (place >= own.min(axis=0) - 1) & (place <= own.max(axis=0) + 1)
     for axis in range(place.shape[1]):
-        run = _runs(place, axis)
-        total, bearing = np.bincount(run, fill), np.bincount(run, np.where(bears, fill, 0.0))
-        slope = _slopes(place, axis, run, fill, bears)
-        lost = (1.0 - bearing / total) * np.maximum(0.0, 1.0 - slope / MAX_SLOPE)
-        narrower = (total[run] < width - 1e-9) & (bearing > 0.0)[run]
-        width[narrower], share[narrower] = total[run][narrower], 1.0 - lost[run][narrower]
+        beside = np.flatnonzero(np.delete(near, axis, axis=1).all(axis=1))  # runs of the chosen, and next to them
+        run = _runs(place[beside], axis)
+        total, bearing = np.bincount(run, fill[beside]), np.bincount(run, np.where(bears, fill, 0.0)[beside])
+        slope = _slopes(place[beside], axis, run, fill[beside], bears[beside])
+        factor = 1.0 - (1.0 - bearing / total) * np.maximum(0.0, 1.0 - slope / MAX_SLOPE)
+        of_chosen = run[chosen[beside]]
+        narrower = (total[of_chosen] < width - 1e-9) & (bearing[of_chosen] > 0.0)
+        width[narrower], share[narrower] = total[of_chosen][narrower], factor[of_chosen][narrower]
     return share
 
 

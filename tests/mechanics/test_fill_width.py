@@ -62,19 +62,40 @@ def test_the_smallest_width_counts_and_the_order_of_cells_does_not():
     wide = np.where(np.isin(place[:, 1], [2, 6]), 0.2, 1.0)
     fill = np.where(np.isin(place[:, 0], [7, 9]), 0.5, 1.0) * wide
     bears = fill == 1.0
-    share = width_shares(place, fill, bears)
-    assert share[bears] == pytest.approx(0.5)
+    share = width_shares(place, fill, bears, bears)
+    assert share == pytest.approx(0.5)
     order = np.random.default_rng(1).permutation(len(place))
-    np.testing.assert_array_equal(width_shares(place[order], fill[order], bears[order]), share[order])
+    shuffled = width_shares(place[order], fill[order], bears[order], bears[order])
+    np.testing.assert_array_equal(shuffled, share)
 
 
 def test_fill_that_nothing_but_shared_cells_hold_keeps_its_stiffness():
     place = all_cells((2, 4))
-    assert (width_shares(place, np.full(len(place), 0.5), np.zeros(len(place), bool)) == 1.0).all()
+    every = np.ones(len(place), bool)
+    assert (width_shares(place, np.full(len(place), 0.5), ~every, every) == 1.0).all()
 
 
 def test_fills_apart_have_widths_of_their_own():
     column, row = np.meshgrid([0, 1, 2, 5, 6], np.arange(9), indexing="ij")
     fill = np.repeat([0.5, 1.0, 0.5, 1.0, 1.0], 9)
-    share = width_shares(np.stack([column.ravel(), row.ravel()], axis=1), fill, fill == 1.0)
+    place = np.stack([column.ravel(), row.ravel()], axis=1)
+    share = width_shares(place, fill, fill == 1.0, fill > 0.0)
     assert share == pytest.approx(np.repeat([0.5, 0.5, 0.5, 1.0, 1.0], 9))
+    for column_of_one in (1, 5):
+        chosen = place[:, 0] == column_of_one
+        np.testing.assert_array_equal(width_shares(place, fill, fill == 1.0, chosen), share[chosen])
+
+
+@pytest.mark.parametrize(("degrees", "expected"), [(0.0, 0.75), (15.0, 0.885), (30.0, 1.0)])
+def test_the_more_obliquely_walls_lie_the_less_fill_is_softened(degrees, expected):
+    """A long layer of four cells, turned; its shares of cells by a fine lattice of points."""
+    step = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    place = all_cells((24, 40))
+    points = (all_cells((8, 8)) + 0.5) / 8
+    across = (place[:, None, :] + points - np.array([12.5, 20.0])) @ step
+    fill = (np.abs(across) < 2.0).mean(axis=1)
+    here = fill > 0.02
+    place, fill = place[here], fill[here]
+    middle = (place[:, 1] > 12) & (place[:, 1] < 28) & (fill == 1.0)
+    share = width_shares(place, fill, fill == 1.0, middle)
+    assert share.mean() == pytest.approx(expected, abs=0.03)
