@@ -57,13 +57,10 @@ def has_node(place: np.ndarray, along: np.ndarray, nodes: EdgeNodes) -> np.ndarr
     """(k,) bool: True where a node lies on the straight edge along (k, d) through place (k, d), NODE_DISTANCE away or
     less; along is 0 in plane strain. nodes: those that are moved."""
     moved = nodes.place + nodes.shift
-    point = np.repeat(np.arange(len(place)), 1)
-    node = np.rint(place)
-    if len(moved):
-        near = scipy.spatial.cKDTree(moved).query_ball_point(place, NODE_DISTANCE)
-        count = np.array([len(found) for found in near], dtype=np.int64)
-        point = np.append(point, np.repeat(np.arange(len(place)), count))
-        node = np.concatenate([node, moved[np.concatenate(near).astype(np.int64)]])
+    trees = scipy.spatial.cKDTree(place), scipy.spatial.cKDTree(moved)
+    pairs = trees[0].sparse_distance_matrix(trees[1], NODE_DISTANCE, output_type="ndarray")
+    point = np.append(np.arange(len(place)), pairs["i"])
+    node = np.concatenate([np.rint(place), moved[pairs["j"]]])
     apart, length = node - place[point], np.linalg.norm(along, axis=1)
     direction = (along / np.where(length > 0.0, length, 1.0)[:, None])[point]
     apart -= np.sum(apart * direction, axis=1)[:, None] * direction

@@ -85,6 +85,12 @@ def test_an_upright_edge_has_nodes_along_its_whole_length():
     assert not points.shares_nodes[upright].any()
 
 
+def test_an_excavation_beyond_the_domain_has_none_beside_one_within():
+    within, beyond = box([8.2, 8.2], [14.2, 14.2]), box([-9.0, -9.0], [-3.0, -3.0])
+    assert set(points_of(beyond, within).excavation) == {1}
+    assert len(points_of(beyond).place) == 0
+
+
 def test_beyond_the_domain_there_is_none():
     points = points_of(box([-5.0, 4.0, 4.0], [9.0, 9.0, 25.0]))
     assert ((points.place > 0) & (points.place < 20)).all()
