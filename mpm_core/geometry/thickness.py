@@ -13,7 +13,7 @@ from common.cell_sizes import MIN_SHARE_REACHED, largest_cell
 from mpm_core.geometry.inside import contains
 from mpm_core.geometry.solids import Outside, Solid
 
-CELLS_ACROSS_OPENING = 4  # Across fewer, too little rock fails around an opening (study openings).
+CELLS_ACROSS_OPENING = 3  # Across fewer, too little rock fails around an opening (study openings).
 CELLS_ACROSS_SLOT = 2  # As CELLS_ACROSS_OPENING for an opening that is thin in one direction only.
 MIN_SLOT_RATIO = 0.75  # Volume over that of a slab of the same thickness and surface: 3/4 if three times as wide.
 MAX_CELLS_MEASURED = 6  # A thicker solid is as thick as that.

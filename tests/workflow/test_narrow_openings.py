@@ -48,9 +48,9 @@ def tabular(number: int, step: str, filled: str, thickness: float = 6.0) -> dict
     )
 
 
-@pytest.mark.parametrize(("cell", "told"), [("4 m", True), ("1.2 m", False)])
-def test_a_drive_of_fewer_than_four_cells_is_told(tmp_path, cell, told):
-    """4.8 m, wherever it lies: 1.2 cells of 4 m, four of 1.2 m. A planned one is not mined yet."""
+@pytest.mark.parametrize(("cell", "told"), [("4 m", True), ("1.6 m", False)])
+def test_a_drive_of_fewer_than_three_cells_is_told(tmp_path, cell, told):
+    """4.8 m, wherever it lies: 1.2 cells of 4 m, three of 1.6 m. A planned one is not mined yet."""
     path = [metres(point) for point in ([62.3, 30.0, 994.0], [64.0, 100.0, 984.0], [80.0, 170.0, 974.0])]
     drive = {
         "name": "drive",
@@ -64,7 +64,7 @@ def test_a_drive_of_fewer_than_four_cells_is_told(tmp_path, cell, told):
     lines = notes(mine_of(tmp_path, cell, [drive, drive | {"name": "planned", "step": "planned", "width": "2 m"}]))
     expected = [
         "excavations: narrow for cells of 4 m, too little rock fails around them (cells across, of those needed): "
-        "drive 1.2 of 4; grid.finest_cell: 1.2 m is small enough"
+        "drive 1.2 of 3; grid.finest_cell: 1.6 m is small enough"
     ]
     assert lines == (expected if told else [])
 
@@ -97,7 +97,7 @@ def test_solids_of_files_are_measured(tmp_path):
     others = [stope(name, None, None, "2019-08", file=f"{name}.stl") for name in ("broken", "sheet")]
     mine = mine_of(tmp_path, "3 m", [entry])
     (line,) = notes(mine)
-    assert "scanned 2.0 of 4" in line
+    assert "scanned 2.0 of 3" in line
     odd = [mine.excavations[0].model_copy(update={"name": one["name"], "file": one["file"]}) for one in others]
     mine.excavations = [*mine.excavations, *odd]
     assert notes(mine) == [line]
