@@ -14,7 +14,7 @@ from verification.answers import openings, walls
 from verification.results import Results
 from verification.studies import load_study
 
-CELL = {"draft": 2.0, "standard": 1.0, "fine": 0.5, "finest": 0.25}
+CELL = {"draft": 2.0, "three": 4.0 / 3.0, "standard": 1.0, "fine": 0.5, "finest": 0.25}
 ENERGY = {"two": 0.9, "one": 0.5, "finest": 1.0}
 
 
@@ -36,16 +36,17 @@ def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
     monkeypatch.setattr(openings, "energy_of_sphere", lambda name: 1.0)
     rows, figure = openings.answer(Results(study, {name: variant(name) for name in study.mines}))
     found = {row.quantity: row for row in rows}
-    assert len(found) == len(rows) == 8 * 3 * 3 + 3 * 3 + 4 + 8 * 3 * 3 + 2 * 2 * 3 + 6
+    assert len(found) == len(rows) == 9 * 3 * 3 + 3 * 3 + 4 + 9 * 3 * 3 + 6 * 4 * 3 + 3 + 2 * 2 * 3 + 6
     assert found["sphere, standard: potency, m3"].error == pytest.approx(1 - 0.9 / 0.975)
     assert found["sphere, standard: potency, m3"].passed
     assert found["sphere, draft: potency, m3"].passed is None
     assert found["pillar, standard: volume, m3"].passed is False
     assert found["sphere, moved: draft, half, m3"].error == pytest.approx(1 - 0.8 / 0.975)
-    assert found["standard beside draft: volume, share of runs within the stated uncertainty"].obtained == 31 / 32
+    assert found["standard beside draft: volume, share of runs within the stated uncertainty"].obtained == 35 / 36
     assert found["fine beside standard: potency extrapolated, r.m.s. error over the scenes"].obtained == pytest.approx(
         1.0 / 0.975 - 1
     )
+    assert found["stope, half, three cells across: potency, m3"].error == pytest.approx(1 - (1 - 2 / 15) / 0.975)
     assert found["slot, dip 45, two cells across: energy, J"].passed is False
     assert found["slot, dip 45, one cell across: energy, J"].passed is None
     assert len(figure.axes) == 3

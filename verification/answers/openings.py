@@ -31,6 +31,11 @@ TABLES = (
         "change, %",
     ),
     Pivot(
+        "Three cells across, against the finest cells (%)",
+        r"(?P<row>\w+, (?:own place|\w+)), three cells across: (?P<column>energy|potency|volume), (?:J|m3)",
+        "change, %",
+    ),
+    Pivot(
         "Energy of slots against fine cells (%)",
         r"slot, (?P<row>dip \d+), (?P<column>\w+ cells? across): energy, J",
         "change, %",
@@ -93,6 +98,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     for scene, size, place in itertools.product(settings["scenes"], sizes, placed[1:]):
         run, truth = found[f"{scene}{place}_{size}"], found[f"{scene}_{finest}"]
         rows.append(Row.relative(f"{scene}, moved: {size}, {place[1:]}, m3", truth.potency, run.potency, None))
+    rows += three_across(results, {scene: found[f"{scene}_{finest}"] for scene in settings["three_across"]}, placed)
     for (coarse, fine), name in itertools.product(itertools.pairwise(sizes), ("potency", "volume")):
         runs = [
             [found[f"{scene}{place}_{size}"] for size in (coarse, fine)] + [found[f"{scene}_{finest}"]]
@@ -106,6 +112,22 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             scenes_row(f"{fine} beside {coarse}: {name} extrapolated", (2.0 * values - coarse_values) / true - 1.0)
         )
     return rows + slots(results), draw(settings, errors)
+
+
+def three_across(results: Results, truths: dict[str, Found], placed: list[str]) -> list[Row]:
+    """Errors of runs with three cells across, reported: by scene, with its truth, and place; then over all of them."""
+    rows, errors = [], []
+    for (scene, truth), place in itertools.product(truths.items(), placed):
+        run = measure(results[f"{scene}{place}_three"])
+        title = f"{scene}, {place.removeprefix('_') or 'own place'}, three cells across"
+        pairs = {name: (getattr(truth, name), getattr(run, name)) for name in MEASURES}
+        errors.append([value / true - 1.0 for true, value in pairs.values()])
+        rows += [
+            Row.relative(f"{title}: {name}, {unit}", *pairs[name], None, f"{run.seconds:.0f} s")
+            for name, unit in MEASURES.items()
+        ]
+    columns = zip(MEASURES, np.array(errors).T, strict=True)
+    return rows + [scenes_row(f"three cells across, all places: {name}", column) for name, column in columns]
 
 
 def coverage(title: str, name: str, runs: list[list[Found]], holds: float) -> list[Row]:
