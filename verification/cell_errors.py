@@ -105,7 +105,7 @@ def main(names: list[str]) -> None:
     study = load_study(FOLDER / "openings.yaml")
     if not TABLE.is_file():
         TABLE.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
-    wanted = [name for name in study.mines if not name.startswith("slot_")]
+    wanted = [name for name in study.mines if not name.startswith("slot_") and not name.endswith("_three")]
     for name in names or wanted:
         if name in read_table():  # Another process may have made it meanwhile.
             continue
