@@ -92,7 +92,7 @@ def test_limit_spread_and_extrapolation_are_those_of_the_potencies(monkeypatch):
     names = yaml.safe_load((STUDIES / "walls.yaml").read_text())["variants"]
     rows, figure = walls.answer(Results(study, {name: name for name in names}))
     found = {row.quantity: row for row in rows}
-    assert len(found) == len(rows) == 2 + 3 + 6 * 7 + 3 + 2  # the last: runs with other fill
+    assert len(found) == len(rows) == 2 + 3 + 6 * 7 + 3
     assert found["filled: limit of the potency of ever smaller cells, m3"].obtained == pytest.approx(2.0)
     assert found["filled, 8 cells across, mean, half: potency, m3"].error == pytest.approx(0.0125)
     assert found["filled, 8 cells across, mean, quarter: potency, m3"].passed is False
