@@ -39,6 +39,8 @@ def fill_shares(
         filled = np.bitwise_count(solid & ~rock) / SAMPLES_PER_CELL
         own, cell = fill[step_of == step], np.flatnonzero(filled)
         new = np.isin(cell, particles.cell[own])
+        if not new.any():  # It fell as it was placed.
+            continue
         of_cell = np.ones(cells)
         bears = ((rock == NO_SAMPLES) | stiff)[cell]
         of_cell[cell[new]] = width_shares(grid.cell_index[cell], filled[cell], bears, new)

@@ -40,7 +40,7 @@ class Ground:
     @classmethod
     def of(cls, scene: Scene, grid: xr.Dataset) -> "Ground":
         """The ground of a scene and the dataset of its grid. Raises InputError for one that an earlier version made."""
-        if "edge_point_place" not in grid:
+        if "edge_point_shares_nodes" not in grid:
             raise InputError("grid.nc was made by an earlier version; run the pipeline from the grid")
         pieces = read_pieces(grid)
         mined = np.array([excavation.mined for excavation in scene.excavations] or [-1])
