@@ -59,8 +59,11 @@ def has_node(place: np.ndarray, along: np.ndarray, nodes: EdgeNodes) -> np.ndarr
     moved = nodes.place + nodes.shift
     trees = scipy.spatial.cKDTree(place), scipy.spatial.cKDTree(moved)
     pairs = trees[0].sparse_distance_matrix(trees[1], NODE_DISTANCE, output_type="ndarray")
-    point = np.append(np.arange(len(place)), pairs["i"])
-    node = np.concatenate([np.rint(place), moved[pairs["j"]]])
+    nearest = np.rint(place)
+    known = {tuple(node) for node in nodes.place.tolist()}
+    stays = np.array([tuple(node) not in known for node in nearest.astype(np.int64).tolist()], dtype=bool)
+    point = np.append(np.flatnonzero(stays), pairs["i"])
+    node = np.concatenate([nearest[stays], moved[pairs["j"]]])
     apart, length = node - place[point], np.linalg.norm(along, axis=1)
     direction = (along / np.where(length > 0.0, length, 1.0)[:, None])[point]
     apart -= np.sum(apart * direction, axis=1)[:, None] * direction

@@ -16,8 +16,8 @@ MAX_ANGLE = np.radians(350.0)
 
 
 class EdgeKinds(NamedTuple):
-    """Kinds of edges: code (kind,) ascending; angle (kind,) that rock fills, rounded, radians; shares_nodes (kind,)
-    bool: see EdgePoints."""
+    """Kinds of edges: code (kind,) ascending, see _codes; angle (kind,) that rock fills, rounded, radians;
+    shares_nodes (kind,) bool: see EdgePoints."""
 
     code: np.ndarray
     angle: np.ndarray
@@ -25,7 +25,7 @@ class EdgeKinds(NamedTuple):
 
     @classmethod
     def of(cls, points: EdgePoints) -> "EdgeKinds":
-        """Those of these points."""
+        """Kinds that occur among these points, each once."""
         code = np.unique(_codes(points))
         return cls(code, code // 2 * ANGLE_STEP, code % 2 == 1)
 
@@ -40,8 +40,9 @@ class EdgeKinds(NamedTuple):
 
 
 def kinds_at_cells(points: EdgePoints, grid: MultiLevelGrid, distorted: DistortedCells, kinds: EdgeKinds) -> np.ndarray:
-    """Kind (cell,) of the edge of the largest angle next to each finest cell, of these kinds; -1 none.
+    """Kind (cell,) of the edge next to each finest cell, of these kinds; -1 none.
 
+    Of several edges, the one of the largest angle counts, and of equal angles one that shares nodes: the softer rock.
     Next to an edge are the cells around the node that is nearest to it, and around the place in the lattice that is.
     """
     found = np.full(len(grid.cell_level), -1)
@@ -67,4 +68,5 @@ def kinds_at_cells(points: EdgePoints, grid: MultiLevelGrid, distorted: Distorte
 
 
 def _codes(points: EdgePoints) -> np.ndarray:
+    """Code (k,) of each point's kind: twice the steps of its angle, and one more where nodes are shared."""
     return 2 * np.rint(np.minimum(points.angle, MAX_ANGLE) / ANGLE_STEP).astype(np.int64) + points.shares_nodes

@@ -20,8 +20,8 @@ import scipy  # imports its parts as they are used, which small stages would wai
 from mpm_core.grid.octree import all_cells
 from mpm_core.model.particles import MASSIVE_BENDING_SHARE, bending_stiffness
 
-PATCH = 2  # cells from the edge to the border of the patch
-PATCH_OF_SHARED_NODES = 1  # the same where nodes carry the motion of both walls
+PATCH = 2  # cells; width of the patch, from the edge to its border
+PATCH_OF_SHARED_NODES = 1  # cells; the same where nodes carry the motion of both walls
 SECTORS = 3  # of the patch, each of rhombic cells: those of a lattice around a right-angled opening
 GAUSS_POINTS = 12  # of the energy of the field, in each half of a sector
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])  # of a cell, along the two sides of its sector

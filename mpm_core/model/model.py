@@ -15,7 +15,6 @@ from mpm_core.grid.splitting import with_leaves
 from mpm_core.kernels.block_scatter import Scatter, build_scatter
 from mpm_core.kernels.nodal_operations import mark_cells, mark_corners
 from mpm_core.model.edge_cells import EdgeKinds, kinds_at_cells
-from mpm_core.model.fill_width import fill_shares
 from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Changes, Pieces, Unsupported, changes_of
 from mpm_core.model.openings import Openings
 from mpm_core.model.particles import (
@@ -53,8 +52,7 @@ class Model:
     insitu: np.ndarray
     """(particle, 6) Pa, virgin stress; zero for fill, which starts without stress"""
     elastic_constants: np.ndarray
-    """(row, 2) lambda, mu, Pa; rows are those of materials, once more for each kind of edge, then for each share of the
-    width of fill"""
+    """(row, 2) lambda, mu, Pa; rows are those of materials, and once more for each of edge_kinds"""
     law: ModuleType
     """of failure, of all rock (constitutive.laws); kernels are made for it"""
     intact_rows: np.ndarray
@@ -288,19 +286,9 @@ def with_edges(
     particles: Particles, openings: Openings, kinds: EdgeKinds, grid: MultiLevelGrid, step: int, materials: int
 ) -> Particles:
     """These particles with rock next to the edges of a step in the rows of their kind (edge_factor.py)."""
-    row, rock = particles.material.copy(), particles.is_rock
+    row = particles.material % materials
     number = kinds_at_cells(openings.edge_points(step), grid, particles.distorted, kinds)[particles.cell]
-    row[rock] = (row % materials + (1 + number) * materials)[rock]
-    return replace(particles, material=row)
-
-
-def with_fill_widths(particles: Particles, shares: np.ndarray, kinds: int, materials: int) -> Particles:
-    """These particles with fill in the rows, behind those of so many kinds of edges, of its share (particle,) of the
-    width (fill_width.py)."""
-    less = shares < 1.0
-    number = np.searchsorted(np.unique(shares[less]), shares[less])
-    row = particles.material.copy()
-    row[less] += ((1 + kinds + number) * materials).astype(row.dtype)
+    row[particles.is_rock] += ((1 + number) * materials).astype(row.dtype)[particles.is_rock]
     return replace(particles, material=row)
 
 
@@ -337,26 +325,17 @@ def build_model(
     at = step if at is None else at
     openings = openings or Openings.none(grid.dimension)
     kinds = EdgeKinds.of(openings.points)
-    materials = list(scene.materials.values())
-    constants = np.array([(material.lame_lambda, material.shear_modulus) for material in materials])
-    shares = np.ones(particles.count)
     if scene.cut_cells == "mean":
-        placed = np.array([excavation.filled for excavation in scene.excavations] or [-1])
-        shares = fill_shares(particles, changes, grid, placed, constants[:, 1])
-        particles = with_fill_widths(particles, shares, len(kinds.code), len(materials))
         particles = at_step(particles, changes, at, grid)
-        particles = with_edges(particles, openings, kinds, grid, at, len(materials))
+        particles = with_edges(particles, openings, kinds, grid, at, len(scene.materials))
         phantom_nodes = with_phantom_nodes(grid, changes, at)
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
+    materials = list(scene.materials.values())
     law = law_of_all(materials)
-    factors = [
-        np.ones((1, len(materials))),
-        kinds.factors([material.poisson_ratio for material in materials]),
-        np.repeat(np.unique(shares[shares < 1.0])[:, None], len(materials), axis=1),
-    ]
-    factor = np.concatenate(factors).ravel()
-    intact_rows, residual_rows = rows_of_all(law, materials * (len(factor) // len(materials)), scene.frame_axes)
+    intact_rows, residual_rows = rows_of_all(law, materials * (1 + len(kinds.code)), scene.frame_axes)
+    constants = np.array([(material.lame_lambda, material.shear_modulus) for material in materials])
+    factors = kinds.factors([material.poisson_ratio for material in materials])
     return Model(
         scene=scene,
         body=body,
@@ -364,7 +343,7 @@ def build_model(
         changes=changes,
         particles=particles,
         insitu=insitu,
-        elastic_constants=np.tile(constants, (len(factor) // len(materials), 1)) * factor[:, None],
+        elastic_constants=np.concatenate([constants, *(constants * row[:, None] for row in factors)]),
         openings=openings,
         edge_kinds=kinds,
         law=law,

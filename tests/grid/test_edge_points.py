@@ -5,7 +5,7 @@ import pytest
 
 from mpm_core.geometry.shapes import build_shape
 from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
-from mpm_core.grid.edge_points import SPACING, edge_points
+from mpm_core.grid.edge_points import SPACING, edge_points, has_node
 from mpm_core.grid.octree import all_cells
 from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.model.openings import NEVER, Openings
@@ -68,6 +68,16 @@ def test_nodes_on_one_of_its_walls_are_not_shared_by_the_other():
     assert not found[(6.0, 6.2)]
     assert not found[(6.0, 12.2)]
     assert found[(12.3, 6.2)]
+
+
+def test_an_edge_through_a_place_whose_node_moved_away_has_no_node():
+    """Plane strain: the node of the upper vertex's place in the lattice has moved."""
+    away = EdgeNodes(np.array([[12, 12]], np.int32), np.array([[0.3, 0.2]]))
+    solids = [box([6.2, 6.2], [12.0005, 12.0005])]
+    for nodes, shared in ((EdgeNodes.none(2), False), (away, True)):
+        points = edge_points(solids, nodes, np.zeros(2), 1.0, SHAPE[:2])
+        at_upper = np.isclose(points.place, 12.0005).all(axis=1)
+        assert has_node(points.place, np.zeros((4, 2)), nodes)[at_upper].tolist() == [not shared]
 
 
 def test_an_edge_has_a_node_where_one_is_moved_onto_it():

@@ -26,8 +26,8 @@ def energy_of_field(field, edge, low, high):
 
 
 def factor_needed(shift):
-    """has_node: a node lies on the edge; and the factor with which a patch of cells around it, moved by the singular
-    field at its border, holds the energy of that field."""
+    """The factor with which a patch of cells around an edge, moved by the singular field at its border, holds the
+    energy of that field; whether a node lies on the edge; whether the model says that nodes there are shared."""
     nu = HOST["poisson_ratio"]
     edge = LOW + shift
     grid = grid_of(([edge[0], 0.0, edge[1]], [edge[0] + 8.0, 0.0, edge[1] + 8.0]), coarse_cell=4.0, buffer_cells=4)
@@ -69,25 +69,41 @@ def factor_needed(shift):
         u[free] = np.linalg.solve(held, -matrix[np.ix_(free, ~free)] @ u[~free])
         return 0.5 * u @ matrix @ u / exact - 1.0
 
+    points = model.openings.points
+    nearest = np.argmin(np.linalg.norm(points.place - edge, axis=1))
     has_node = np.linalg.norm(place, axis=1).min() < 1e-6
-    return has_node, scipy.optimize.brentq(excess, 0.1, 2.0)
+    return scipy.optimize.brentq(excess, 0.1, 2.0), has_node, points.shares_nodes[nearest]
 
 
 @pytest.fixture(scope="module")
 def needed():
-    """has_node and factor_needed at sixteen places of a right-angled edge among its cells."""
+    """What factor_needed returns, at sixteen places of a right-angled edge among its cells."""
     shares = (-0.4, -0.15, 0.1, 0.35)
     return [factor_needed(np.array([x, y])) for x in shares for y in shares]
 
 
-@pytest.mark.parametrize(("at_node", "patch", "tolerance"), [(True, PATCH, 0.03), (False, PATCH_OF_SHARED_NODES, 0.05)])
-def test_the_factor_is_what_edges_need_in_the_mean(needed, at_node, patch, tolerance):
-    own = [factor for has_node, factor in needed if has_node == at_node]
+def test_nodes_are_shared_where_none_lies_on_the_edge(needed):
+    assert [shared for _, _, shared in needed] == [not has_node for _, has_node, _ in needed]
+
+
+@pytest.mark.parametrize(("shared", "patch", "tolerance"), [(False, PATCH, 0.03), (True, PATCH_OF_SHARED_NODES, 0.05)])
+def test_the_factor_is_what_edges_need_in_the_mean(needed, shared, patch, tolerance):
+    own = [factor for factor, _, at_edge in needed if at_edge == shared]
     assert 5 <= len(own) <= 11
     assert np.mean(own) == pytest.approx(edge_factor(ANGLE, HOST["poisson_ratio"], patch), abs=tolerance)
 
 
+def test_with_a_wall_on_faces_an_edge_needs_the_factor_of_one_with_a_node():
+    """A node lies on one of the walls, next to the edge, and moves with that wall alone."""
+    found = [factor_needed(np.array([0.0, share])) for share in (-0.4, -0.15, 0.1, 0.35)]
+    assert not any(shared for _, _, shared in found)
+    assert np.mean([factor for factor, _, _ in found]) == pytest.approx(
+        edge_factor(ANGLE, HOST["poisson_ratio"]), abs=0.03
+    )
+
+
 def test_an_edge_on_the_lattice_needs_the_factor_itself():
-    has_node, factor = factor_needed(np.zeros(2))
+    factor, has_node, shared = factor_needed(np.zeros(2))
     assert has_node
+    assert not shared
     assert factor == pytest.approx(edge_factor(ANGLE, HOST["poisson_ratio"]), abs=1e-3)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from common.errors import InputError
 from mechanics.scenes import HOST, excavation, make_scene, uniform
 from mechanics.test_steps_with_edge_nodes import grid_of, states_of
 from mpm_core.files.state_datasets import read_grid
@@ -114,3 +115,9 @@ def test_the_explicit_scheme_gives_the_same_rock_at_edges(tmp_path):
     explicit, multigrid = (state.stress.values for state in states)
     np.testing.assert_allclose(explicit, multigrid, atol=1e-4 * np.abs(multigrid).max())
     assert states[0].attrs["mass"] == pytest.approx(states[1].attrs["mass"], rel=1e-12)
+
+
+def test_a_grid_that_an_earlier_version_made_is_refused():
+    grid = grid_of(([9.0] * 3, [14.0] * 3), plane="xz").drop_vars("edge_point_shares_nodes")
+    with pytest.raises(InputError, match=r"grid\.nc was made by an earlier version; run the pipeline from the grid"):
+        model_of(grid, "xz")

@@ -53,15 +53,6 @@ def cut_model(dimension, per_edge, cut_cells):
     return make_model(scene, grid, shapes)
 
 
-def elastic_of(model, particle):
-    """Young's modulus, Pa, and Poisson's ratio of a particle; fill has a share of its modulus (fill_width.py)."""
-    material = [HOST, FILL][model.material[particle]]
-    shear = model.elastic_constants[:, 1]
-    share = shear[model.particles.material[particle]] / shear[model.material[particle]]
-    assert share == 1.0 or (share < 1.0 and not model.particles.is_rock[particle])
-    return share * material["youngs_modulus"], material["poisson_ratio"]
-
-
 @pytest.mark.parametrize(("dimension", "per_edge", "cut_cells"), CASES)
 def test_stress_and_forces_are_those_of_the_shape_function_gradients(dimension, per_edge, cut_cells):
     """Random velocity, one step: d sigma = lambda tr(e) I + 2 mu e, f = -sum B^T sigma V - hourglass, cell by cell.
@@ -95,7 +86,8 @@ def test_stress_and_forces_are_those_of_the_shape_function_gradients(dimension, 
         velocity_gradient = np.zeros((3, 3))
         velocity_gradient[:dimension, :dimension] = state.velocity[nodes].T @ gradient
         strain = 0.5 * (velocity_gradient + velocity_gradient.T) * step
-        young, nu = elastic_of(model, p)
+        material = [HOST, FILL][particles.material[p]]
+        young, nu = material["youngs_modulus"], material["poisson_ratio"]
         tensor = young / (1 + nu) * (strain + nu / (1 - 2 * nu) * np.trace(strain) * np.eye(3))
         expected[p] += tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
         s = expected[p]
@@ -110,7 +102,8 @@ def test_stress_and_forces_are_those_of_the_shape_function_gradients(dimension, 
         stiffness = 0.0
         for group in np.flatnonzero((particles.cell[particles.group_start[:-1]] == cell) & (group_size == 1)):
             p = particles.group_start[group]
-            young, nu = elastic_of(model, p)
+            material = [HOST, FILL][particles.material[p]]
+            young, nu = material["youngs_modulus"], material["poisson_ratio"]
             spread = 1.0
             if particles.row[p] >= particles.shared_rows:
                 edge = 2 / SAMPLES_PER_CELL ** (1 / dimension)

@@ -48,6 +48,9 @@ def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
         1.0 / 0.975 - 1
     )
     assert found["stope, half, three cells across: potency, m3"].error == pytest.approx(1 - (1 - 2 / 15) / 0.975)
+    over_places = "three cells across, all places: {}, r.m.s. error over the scenes"
+    assert found[over_places.format("energy")].passed
+    assert found[over_places.format("potency")].passed is False
     assert found["slot, dip 45, two cells across: energy, J"].passed is False
     assert found["slot, dip 45, one cell across: energy, J"].passed is None
     assert len(figure.axes) == 3
@@ -92,7 +95,7 @@ def test_limit_spread_and_extrapolation_are_those_of_the_potencies(monkeypatch):
     names = yaml.safe_load((STUDIES / "walls.yaml").read_text())["variants"]
     rows, figure = walls.answer(Results(study, {name: name for name in names}))
     found = {row.quantity: row for row in rows}
-    assert len(found) == len(rows) == 2 + 3 + 6 * 7 + 3
+    assert len(found) == len(rows) == 2 + 3 + 6 * 7 + 3 + 2  # the last: runs with other fill
     assert found["filled: limit of the potency of ever smaller cells, m3"].obtained == pytest.approx(2.0)
     assert found["filled, 8 cells across, mean, half: potency, m3"].error == pytest.approx(0.0125)
     assert found["filled, 8 cells across, mean, quarter: potency, m3"].passed is False

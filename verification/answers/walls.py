@@ -64,6 +64,8 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             coarse, fine = (found[f"{fill}_{place}_{number}_{settings['judged']}"] for number in cells)
             quantity = f"{fill}, {place}, {settings['judged']}: potency extrapolated, m3"
             rows.append(Row.relative(quantity, limits[fill], 2.0 * fine - coarse, allowed["extrapolated"]))
+    for name, case in settings["other_fill"].items():
+        rows.append(reported(f"{case}: potency, m3", found[name]))
     return rows, draw(settings, found, limits)
 
 
