@@ -36,7 +36,7 @@ def test_errors_bounds_and_extrapolations_are_those_of_the_numbers(monkeypatch):
     monkeypatch.setattr(openings, "energy_of_sphere", lambda name: 1.0)
     rows, figure = openings.answer(Results(study, {name: variant(name) for name in study.mines}))
     found = {row.quantity: row for row in rows}
-    assert len(found) == len(rows) == 9 * 3 * 3 + 3 * 3 + 4 + 9 * 3 * 3 + 6 * 4 * 3 + 3 + 2 * 2 * 3 + 6
+    assert len(found) == len(rows) == 9 * 3 * 3 + 3 * 3 + 4 + 9 * 3 * 3 + 5 * 4 * 3 + 3 + 2 * 2 * 3 + 6
     assert found["sphere, standard: potency, m3"].error == pytest.approx(1 - 0.9 / 0.975)
     assert found["sphere, standard: potency, m3"].passed is False
     assert found["sphere, standard: volume, m3"].passed
