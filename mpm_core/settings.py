@@ -181,6 +181,9 @@ class SolverSettings(Settings):
     cascade_tolerance: Tolerance = 3e-3
     """Unbalanced force between two generations of failure, relative to the force that the step releases (2-norms).
     Where no rock loses strength it is 50 times as large, but at most 0.05."""
+    parts: whole_number(ge=1, le=1000) = 8
+    """Number of equal parts in which a step is mined, one after the other: its blasts, or weeks. Rock that fails in
+    different parts makes different events. Increments end with their part, unless increments gives their number."""
     increments: whole_number(ge=0, le=1000) = 0
     """Number of equal increments in which a step is unloaded. 0: their size follows from max_overshoot. The first step
     always takes one: in its elastic state, all that it mines is mined."""

@@ -8,6 +8,7 @@ from common.frame import Frame
 from common.setting_types import Settings, Size, real_number, refusal, whole_number
 
 Positive = whole_number(ge=1, le=1_000_000)
+DEFAULT_LINK_LENGTH = 4.0  # m; about half of the error of most recorded locations
 
 
 class ClusterSettings(Settings):
@@ -35,12 +36,18 @@ class SeismicSettings(Settings):
     """How plastic strain becomes events."""
 
     method: Literal["simultaneous", "families"] = "simultaneous"
-    """How failed rock is grouped into events. `simultaneous`: rock that fails together, touches, and has similar
-    mechanisms. `families` (the paper's): rock of similar mechanisms anywhere in the mine, then clusters in space."""
+    """How failed rock is grouped into events. `simultaneous`: rock that fails in one part of the step (solver.parts),
+    hangs together, and has similar mechanisms. `families` (the paper's): rock of similar mechanisms anywhere in the
+    mine, then clusters in space."""
+    link_length: Size = None
+    """Largest distance of rock that hangs together, m, and size of the surroundings whose mechanism counts; two of the
+    finest cells or more. Default: 4 m, but at least two and at most eight of the finest cells. With method
+    `simultaneous` only."""
     closeness: real_number(gt=0, lt=1) = 0.8
     """Cosine between potency tensors above which mechanisms count as similar."""
     least_particles: Positive = 3
-    """Smallest number of particles of a resolved event. Method `families` uses cluster.min_samples instead."""
+    """Potency of the smallest resolved event, in particles of the finest cells with the median drop of strength. Method
+    `families` uses cluster.min_samples instead."""
     seismic_fraction: real_number(gt=0, le=1) = 1.0
     """Share alpha of the brittle drop that is seismic."""
     cluster: ClusterSettings = None
@@ -50,12 +57,19 @@ class SeismicSettings(Settings):
     def _separated(self) -> Self:
         if self.cluster is not None and self.method != "families":
             raise refusal("method simultaneous has no clusters; leave it out, or use method families", "cluster")
+        if self.link_length is not None and self.method == "families":
+            raise refusal("method families has cluster.radius_cells; leave it out", "link_length")
         return self
 
     @property
     def clustering(self) -> ClusterSettings:
         """Settings by which a family is separated into events."""
         return self.cluster or ClusterSettings()
+
+    @property
+    def length_of_links(self) -> float:
+        """Largest distance of rock that hangs together, m; a mine has one for its cells (workflow.checks)."""
+        return DEFAULT_LINK_LENGTH if self.link_length is None else self.link_length
 
     @property
     def min_particles(self) -> int:

@@ -12,7 +12,9 @@ from common.errors import InputError
 # Seconds between two lines of the log on where a relaxation stands. The terminal shows the latest of them.
 SECONDS_BETWEEN_RESIDUALS = 20.0
 MIN_UNBALANCED_SHARE = 1e-12  # Unbalanced force below this share of all forces since virgin rock is round-off.
-HISTORY_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
+HISTORY_COLUMNS = (
+    *("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "load", "new_failures"),
+)
 
 
 class NoEquilibrium(InputError):
@@ -39,7 +41,7 @@ class History:
     splits: int = 0  # how often cells have been split in this stage
     load: float = 0.0  # share of it that acts
     load_before: float = 0.0  # at the end of the increment before
-    size: float = 1.0  # of the next increment, where it follows its error
+    size: float = np.inf  # parts; of the next increment, where it follows its error
     bar: tqdm | None = None
     # The last state in equilibrium, where it may be the result; empty elsewhere.
     last_equilibrium: dict[str, np.ndarray] = field(default_factory=dict)
@@ -48,7 +50,7 @@ class History:
 
     def check(self, ratio: float, max_ratio: float) -> None:
         """Note one check of the unbalanced force. Raises InputError if it is not a number."""
-        self.rows.append((self.increment, self.generation, self.iteration, ratio, max_ratio, self.cells, 0))
+        self.rows.append((self.increment, self.generation, self.iteration, ratio, max_ratio, self.cells, self.load, 0))
         if not np.isfinite(ratio):
             raise InputError(
                 f"unbalanced force is not a number at iteration {self.iteration} (increment {self.increment}, "
@@ -82,7 +84,7 @@ class History:
     def table(self) -> dict[str, np.ndarray]:
         """Columns as arrays, by name."""
         columns = list(zip(*self.rows, strict=True)) or [()] * len(HISTORY_COLUMNS)
-        types = (np.int32, np.int32, np.int32, float, float, np.int32, np.int32)
+        types = (np.int32, np.int32, np.int32, float, float, np.int32, float, np.int32)
         return {
             name: np.array(column, kind) for name, column, kind in zip(HISTORY_COLUMNS, columns, types, strict=True)
         }

@@ -8,10 +8,13 @@ refinement compares it with the error of the step's potency. The overshoot of a 
 potency, since a particle that should not have failed adds no more.
 
 An increment is tried first: equilibrium under its load, with no rock failing. If the overshoot exceeds
-solver.max_overshoot, the state is restored and a smaller increment is tried. The next increment follows in proportion,
-as the steps of an adaptive integrator do. Sizes are halvings of the load that begin at their own multiples (block time
-steps, McMillan 1986). So runs that differ a little, for example by their cells, have increments that end at the same
-loads, and differ less. A member of an ensemble has other increments on purpose.
+solver.max_overshoot, or if rock would fail in an increment that reaches into another of the step's parts
+(solver.parts), the state is restored and a smaller increment is tried. The next increment follows in proportion, as the
+steps of an adaptive integrator do. Sizes are halvings and doublings of a part that begin at their own multiples (block
+time steps, McMillan 1986). So runs that differ a little, for example by their cells, have increments that end at the
+same loads, and differ less. A member of an ensemble has other increments within the parts on purpose.
+
+Rock that fails in different parts of a step makes different events (seismic.regions).
 """
 
 import numpy as np
@@ -28,7 +31,8 @@ from mpm_core.model.state import State
 
 # Number of increments where no rock loses strength, or where particles move and cannot go back.
 INCREMENTS_WITHOUT_DROP = 4
-MIN_INCREMENT = 1.0 / 256.0  # No increment is smaller than this share of the load.
+MIN_INCREMENT = 1.0 / 64.0  # No increment is smaller than this share of a part.
+ROUND_OFF = 1e-9  # parts
 MIN_SIZE_FACTOR, MAX_SIZE_FACTOR = 0.1, 2.0  # Bounds of the ratio of an increment's size to that of the one before.
 SIZE_SAFETY = 0.8  # An increment gets this share of the size that would just meet its error.
 
@@ -45,17 +49,21 @@ class Increments:
         self.chosen = solver.increments == 0 and model.is_brittle() and not solver.move and not is_constant
         self.count = 1 if is_constant else solver.increments or INCREMENTS_WITHOUT_DROP
         self.delay = delays(self.scene, step, self.count)
+        self.parts = solver.parts
 
     def begin(self, history: History) -> None:
         """Go over to the next increment."""
         history.load_before = history.load
         history.increment, history.generation, history.tightened = history.increment + 1, 0, 0
         if self.chosen:
-            size, left = history.size * pace(self.scene, self.step, history.increment), 1.0 - history.load
-            if not self.scene.perturbation:
-                size = min(size, _block(history.load))
-            parts = np.ceil(left / size - 1e-9)
-            history.load = 1.0 if parts <= 1.0 else history.load + left / parts
+            done, size = history.load * self.parts, min(history.size, _block(history.load * self.parts))
+            if self.scene.perturbation and size <= 1.0:
+                left = np.floor(done + ROUND_OFF) + 1.0 - done
+                size = left / np.ceil(
+                    left / (history.size * pace(self.scene, self.step, history.increment)) - ROUND_OFF
+                )
+            done += size
+            history.load = 1.0 if done > self.parts - ROUND_OFF else done / self.parts
         else:
             history.load = (history.increment + self.delay[history.increment]) / self.count
 
@@ -65,19 +73,21 @@ class Increments:
         return self.follow(overshoot_of_next(body, brittle) / self.scene.solver.max_overshoot, history)
 
     def follow(self, ratio: float, history: History) -> bool:
-        """Do as `accept` for an increment whose error is `ratio` times the largest accepted one."""
-        return self._resize(
-            np.clip(SIZE_SAFETY / ratio, MIN_SIZE_FACTOR, MAX_SIZE_FACTOR) if ratio > 0.0 else MAX_SIZE_FACTOR,
-            ratio <= 1.0,
-            history,
-        )
+        """Do as `accept` for an increment whose error is `ratio` times the largest accepted one; 0 if nothing fails."""
+        if ratio == 0.0:
+            return self._resize(MAX_SIZE_FACTOR, True, history)
+        factor = np.clip(SIZE_SAFETY / ratio, MIN_SIZE_FACTOR, MAX_SIZE_FACTOR)
+        part_end = np.floor(history.load_before * self.parts + ROUND_OFF) + 1.0
+        accepted = self._resize(factor, ratio <= 1.0 and history.load * self.parts < part_end + ROUND_OFF, history)
+        history.size = min(history.size, 1.0)
+        return accepted
 
     def shrink(self, history: History) -> bool:
         """Do as `accept` for an increment that has not reached equilibrium."""
         return self._resize(MIN_SIZE_FACTOR, False, history)
 
     def _resize(self, factor: float, accepted: bool, history: History) -> bool:
-        size, requested = history.load - history.load_before, history.size
+        size, requested = (history.load - history.load_before) * self.parts, history.size
         history.size = max(2.0 ** np.floor(np.log2(size * factor)), MIN_INCREMENT)
         if accepted or min(size, requested) <= MIN_INCREMENT:  # a member's may be larger than requested
             return True
@@ -86,10 +96,10 @@ class Increments:
         return False
 
 
-def _block(load: float) -> float:
-    """The largest halving of the load that a multiple of MIN_INCREMENT is a multiple of."""
-    count = round(load / MIN_INCREMENT)
-    return (count & -count) * MIN_INCREMENT if count else 1.0
+def _block(done: float) -> float:
+    """The largest halving or doubling of a part that these parts, a multiple of MIN_INCREMENT, are a multiple of."""
+    count = round(done / MIN_INCREMENT)
+    return (count & -count) * MIN_INCREMENT if count else np.inf
 
 
 def overshoot_of_next(body: Body, brittle: Brittle) -> float:

@@ -116,6 +116,7 @@ FIELDS = _table(
     Field("convergence_unbalanced_ratio", ("iteration",), np.float64, "1", "unbalanced force over load, 2-norms"),
     Field("convergence_max_ratio", ("iteration",), np.float64, "1", "largest unbalanced force over the same"),
     Field("convergence_cells", ("iteration",), np.int32, "1", "cells relaxed: all, or a part of the mine alone"),
+    Field("convergence_load", ("iteration",), np.float64, "1", "share of the step's load at the end of the increment"),
     Field("convergence_new_failures", ("iteration",), np.int32, "1", "particles that failed after this check"),
 )
 
@@ -345,6 +346,7 @@ def state_dataset(
         "shear_modulus": host.shear_modulus,
         "tolerance": scene.solver.tolerance,
         "scheme": scene.solver.scheme,
+        "parts": scene.solver.parts,
         **attributes,
     }
     if normals := plane_normals(scene.materials):

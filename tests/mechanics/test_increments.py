@@ -128,31 +128,51 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
         assert np.array_equal(chosen[name].values, again[name].values), name
 
 
-@given(st.lists(st.floats(0.0, 30.0), max_size=600))
-def test_chosen_increments_are_blocks_of_the_load(ratios):
-    """Halvings that start at their own multiples: two runs meet again at each multiple of the larger one's size."""
-    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False), perturbation=0)
-    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1, False)
-    history, ratios = History(1e-3), iter(ratios)
+def increments_of(parts, perturbation=0):
+    """Increments that follow their error, of a step in so many parts."""
+    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False, parts=parts), perturbation=perturbation)
+    return Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1, False)
+
+
+@given(st.lists(st.floats(0.0, 30.0), max_size=600), st.sampled_from([1, 3, 4, 7, 12]))
+def test_chosen_increments_are_blocks_of_a_part(ratios, parts):
+    """Halvings and doublings that start at their own multiples: two runs meet again at each multiple of the larger
+    one's size. Where rock fails, none reaches into another part."""
+    increments, history, ratios = increments_of(parts), History(1e-3), iter(ratios)
     while history.load < 1.0:
         increments.begin(history)
-        size = history.load - history.load_before
-        assert size in 0.5 ** np.arange(9)
-        assert history.load_before % size == 0.0
-        ratio, before = next(ratios, 1.0), history.load_before
+        before, load = history.load_before * parts, history.load * parts
+        size = load - before
+        if history.load < 1.0:
+            assert np.log2(size) == pytest.approx(round(np.log2(size)), abs=1e-9)
+            assert before / size == pytest.approx(round(before / size), abs=1e-9)
+        ratio, begun = next(ratios, 1.0), history.load_before
         stands = increments.follow(ratio, history)
-        assert stands == (ratio <= 1.0 or size == 1.0 / 256.0)
-        assert history.load == before + size * stands
+        within = np.floor(before + 1e-9) == np.floor(load - 1e-9)
+        assert stands == (ratio == 0.0 or (within and (ratio <= 1.0 or size < 1.001 / 64.0)))
+        assert history.load == pytest.approx((load if stands else before) / parts, abs=1e-12)
+        assert history.load > begun or not stands
     assert history.load == 1.0
+
+
+@pytest.mark.parametrize("parts", [1, 4, 7])
+@pytest.mark.parametrize("perturbation", range(1, 4))
+def test_increments_of_a_member_end_with_the_parts(parts, perturbation):
+    """Rock fails from the start: each part's end is that of an increment."""
+    increments, history, ends = increments_of(parts, perturbation), History(1e-3), []
+    while history.load < 1.0:
+        increments.begin(history)
+        if increments.follow(0.7, history):
+            ends.append(history.load)
+    assert len(ends) >= parts
+    assert all(np.abs(np.array(ends) - (number + 1) / parts).min() < 1e-9 for number in range(parts))
 
 
 @pytest.mark.parametrize("perturbation", range(5))
 @pytest.mark.parametrize("ratio", [1.0 + 1e-15, 1.01, 30.0])
 def test_increments_end_however_large_their_error_stays(perturbation, ratio):
     """Where it does not hang on the load, as of a history that is there from the start; a member's went on for ever."""
-    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False), perturbation=perturbation)
-    increments = Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1, False)
-    history = History(1e-3)
+    increments, history = increments_of(4, perturbation), History(1e-3)
     for _ in range(1000):
         increments.begin(history)
         increments.follow(ratio, history)
