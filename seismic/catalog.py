@@ -17,7 +17,7 @@ from seismic.budget import add_budgets
 # What the steps of one catalogue must share, with a plain name for the user.
 SHARED_ATTRIBUTES = (
     *("mine", "kind", "lame_lambda", "shear_modulus", "frame"),
-    *("seismic_fraction", "method", "closeness", "least_particles", "cluster"),
+    *("seismic_fraction", "method", "closeness", "link_length", "parts", "least_particles", "cluster"),
 )
 EXTRACTION = "extraction"  # Variable (event,): number of the set that an event is from.
 
@@ -62,7 +62,7 @@ def merge(steps: list[xr.Dataset]) -> xr.Dataset:
         "truncated": int(bool(truncated)),
         "truncated_share": float(max((step.attrs["truncated_share"] for step in dated), default=0.0)),
         "truncated_where": "; ".join(f"{step.attrs['step']}: {step.attrs['truncated_where']}" for step in truncated),
-        **{name: _mean_share(name, dated, budgets) for name in ("unlike_share", "at_once_share")},
+        "unlike_share": _mean_share("unlike_share", dated, budgets),
         "budget": json.dumps(budget),
     }
     on_planes = values.pop(ON_PLANES.name, None)

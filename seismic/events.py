@@ -2,8 +2,8 @@
 
 Paper, section 3; docs/explanation/method.md says which paper.
 
-`sizes_by_closeness` shows what two choices of the extraction change: the closeness above which mechanisms are similar,
-and the cells that count as touching.
+`sizes_by_rule` shows what three choices change: the closeness above which mechanisms are similar, the link length, and
+the parts of a step in which rock that fails may belong together.
 """
 
 import json
@@ -25,7 +25,7 @@ from seismic.budget import log_budget, potency_budget
 from seismic.clusters import find_clusters
 from seismic.event_settings import EventSettings
 from seismic.families import closeness, find_families
-from seismic.regions import CORNERS, EDGES, FACES, find_regions
+from seismic.regions import find_regions
 
 STRAIN_VARIABLES = {
     "seismic": "seismic_strain",
@@ -33,14 +33,19 @@ STRAIN_VARIABLES = {
     "later": "later_strain",
     "plastic": "plastic_strain_step",
 }
-ROCK_VARIABLES = (STRAIN_VARIABLES["seismic"], "position", "spacing", "volume", "failed", "failure_order")
+LOAD_VARIABLES = ("convergence_increment", "convergence_load")
+ROCK_VARIABLES = (
+    *(STRAIN_VARIABLES["seismic"], "position", "spacing", "volume", "failed", "failure_order"),
+    *LOAD_VARIABLES,
+)
 STEP_VARIABLES = (*STRAIN_VARIABLES.values(), *ROCK_VARIABLES[1:], "material")
-STEP_ATTRIBUTES = ("mine", "step", "step_index", "lame_lambda", "shear_modulus")
+STEP_ATTRIBUTES = ("mine", "step", "step_index", "parts", "lame_lambda", "shear_modulus")
 MATERIAL_ATTRIBUTES = ("material_names", "elastic_moduli")
 # Share of a strain that may deform planes within themselves while it counts as slip along them.
 MAX_IN_PLANE_SHARE = 1e-6
 LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
 CLOSENESS_TRIED = (0.6, 0.7, 0.8, 0.9, 0.95)
+LINK_LENGTHS_TRIED = (1.0, 1.5, 2.0)  # times the catalogue's own
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,9 @@ class FailedRock:
     """The particles that a step's events consist of: those that failed in it with a drop, (k,).
 
     where: name of the step for messages; source (k,): their index in the step, potency (k, 6) m3, center (k, 3) m of
-    the part of the cell that is theirs, spacing (k,) m, order (k, 2): increment and generation of their failure.
+    the part of the cell that is theirs, spacing (k,) m, order (k, 2): increment and generation of their failure; load
+    (k,): share of the step's load in the middle of that increment; parts of the step; floor m3: potency of the smallest
+    event that the cells resolve, NaN where nothing failed.
     """
 
     where: str
@@ -57,15 +64,20 @@ class FailedRock:
     center: NDArray
     spacing: NDArray
     order: NDArray
+    load: NDArray
+    parts: int
+    floor: float
 
-    def events(self, settings: EventSettings, reach: int = CORNERS) -> tuple[NDArray, NDArray]:
+    def events(self, settings: EventSettings, parts: int | None = None) -> tuple[NDArray, NDArray]:
         """Event of each particle, (k,), and which events are resolved, (event,) bool, in the order in which they begin.
 
-        reach: over what regions are linked (seismic.regions).
+        parts: equal parts of the step of which rock makes different events, by default its own.
         """
-        label, resolved = find_events(self.center, self.spacing, self.potency, self.order, settings, reach)
+        part = np.minimum((self.load * (parts or self.parts)).astype(np.int64), (parts or self.parts) - 1)
+        label, resolved = find_events(self.center, self.spacing, self.potency, part, settings)
+        size = scalar_potency(tensor_from_voigt(sum_by(label, self.potency, len(resolved))))
         rank = _rank_events(self.order, label, len(resolved))
-        return rank[label], resolved[np.argsort(rank)]
+        return rank[label], (resolved & (size >= self.floor))[np.argsort(rank)]
 
 
 def failed_rock(step: xr.Dataset, settings: EventSettings, needed: tuple[str, ...] = ROCK_VARIABLES) -> FailedRock:
@@ -83,7 +95,31 @@ def failed_rock(step: xr.Dataset, settings: EventSettings, needed: tuple[str, ..
         )
     spacing = np.asarray(step["spacing"].values, dtype=np.float64)[source]
     order, center = step["failure_order"].values[source], part_centers(step)[source]
-    return FailedRock(where, source, potency[breaks], center, spacing, order)
+    floor = potency_floor(strain[breaks], spacing, settings)
+    load = middle_of_increments(step)[order[:, 0]] if len(source) else np.empty(0)
+    return FailedRock(where, source, potency[breaks], center, spacing, order, load, int(step.attrs["parts"]), floor)
+
+
+def middle_of_increments(step: xr.Dataset) -> NDArray:
+    """Share of the step's load in the middle of each increment, (increment + 1,) from 0 on."""
+    increment = step["convergence_increment"].values
+    end = np.zeros(increment.max(initial=0) + 1)
+    end[increment] = step["convergence_load"].values  # the last that is noted: an increment may have been tried before
+    before = np.append(0.0, end[:-1])
+    return 0.5 * (before + end)
+
+
+def potency_floor(strain: NDArray, spacing: NDArray, settings: EventSettings) -> float:
+    """Potency of the smallest event that can be resolved, m3; NaN where nothing failed.
+
+    That of `min_particles` full particles (cells, at one particle per cell) of the median spacing at the median drop.
+    strain (k, 6), of the drop of failed particles; spacing (k,) m.
+    """
+    if not len(strain):
+        return np.nan
+    full = np.median(spacing) ** settings.dimension * (settings.thickness or 1.0)
+    drop = settings.seismic_fraction * np.median(scalar_potency(tensor_from_voigt(strain)))
+    return float(settings.min_particles * drop * full)
 
 
 def _strained(step: xr.Dataset, where: str, *names: str) -> tuple[NDArray, list[NDArray], NDArray]:
@@ -100,15 +136,15 @@ def _strained(step: xr.Dataset, where: str, *names: str) -> tuple[NDArray, list[
     return strained, strains, volume[strained]
 
 
-def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int = CORNERS) -> tuple[xr.Dataset, dict]:
+def extract_events(step: xr.Dataset, settings: EventSettings | dict) -> tuple[xr.Dataset, dict]:
     """Events of a step and its potency budget.
 
     step: the dataset of a mining step (particles with seismic_strain, overshoot_strain, later_strain and
-    plastic_strain_step of this step, position, spacing, volume, material, failed, failure_order; attributes mine,
-    step, step_index, lame_lambda and shear_modulus of the host, material_names, elastic_moduli, truncated*, and start,
-    end, dated where it has dates: see dated). settings: EventSettings, or their values; their start and end, if given,
-    are the step's, since the mechanics know no dates. reach: over what regions are linked (seismic.regions). Moments
-    have the moduli of the rock that failed.
+    plastic_strain_step of this step, position, spacing, volume, material, failed, failure_order; of its convergence
+    increments and load; attributes mine, step, step_index, parts, lame_lambda and shear_modulus of the host,
+    material_names, elastic_moduli, truncated*, and start, end, dated where it has dates: see dated). settings:
+    EventSettings, or their values; their start and end, if given, are the step's, since the mechanics know no dates.
+    Moments have the moduli of the rock that failed.
     Events are in the order in which they begin. Events of an undated step have no times and enter no catalogue.
     Particles that failed without a drop (no seismic strain) have no mechanism and join no event.
     Raises InputError for a dataset that lacks something or contradicts itself.
@@ -117,11 +153,11 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
     rock = failed_rock(step, chosen, STEP_VARIABLES)
     _, strains, volume = _strained(step, rock.where, *STRAIN_VARIABLES.values())
     strain = dict(zip(STRAIN_VARIABLES, strains, strict=True))
-    where, source, potency, order, spacing = rock.where, rock.source, rock.potency, rock.order, rock.spacing
+    where, source, potency, spacing = rock.where, rock.source, rock.potency, rock.spacing
     weight = scalar_potency(tensor_from_voigt(potency))
     step = step.assign_attrs(UNDATED | step.attrs) if chosen.start is None else dated(step, chosen.start, chosen.end)
     position = np.asarray(step["position"].values, dtype=np.float64)[source]
-    event, resolved = rock.events(chosen, reach)
+    event, resolved = rock.events(chosen)
 
     event_potency = sum_by(event, potency, len(resolved))
     moment = _moments(event, potency, len(resolved), step, source)
@@ -140,20 +176,15 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
         "resolved_scalars": float(np.sum(values["potency"][resolved])),
     }
     budget = potency_budget(strain, volume, chosen.seismic_fraction, event_potency, scalars, where)
-    attributes = _attributes(step, chosen, step["seismic_strain"].values[source], spacing) | {
-        "budget": json.dumps(budget)
-    }
+    attributes = _attributes(step, chosen, rock) | {"budget": json.dumps(budget)}
     attributes["unlike_share"] = unlike_share(potency, event, event_potency, chosen.closeness)
-    attributes["at_once_share"] = at_once_share(weight, event, order, chosen.min_particles)
     logging.info(
-        "%s: %d failed particles, %d events, %d of them resolved; %.3f of the potency in particles unlike their event, "
-        "%.3f in events that the load began at once",
+        "%s: %d failed particles, %d events, %d of them resolved; %.3f of the potency in particles unlike their event",
         where,
         len(source),
         len(resolved),
         np.count_nonzero(resolved),
         attributes["unlike_share"],
-        attributes["at_once_share"],
     )
     log_budget(budget)
     events = event_dataset(values, attributes)
@@ -165,22 +196,17 @@ def extract_events(step: xr.Dataset, settings: EventSettings | dict, reach: int 
 
 
 def find_events(
-    position: NDArray,
-    spacing: NDArray,
-    potency: NDArray,
-    failure_order: NDArray,
-    settings: EventSettings,
-    reach: int = CORNERS,
+    position: NDArray, spacing: NDArray, potency: NDArray, part: NDArray, settings: EventSettings
 ) -> tuple[NDArray, NDArray]:
-    """Event of every particle, (particle,) from 0, and which events are resolved (event,) bool, by the chosen method.
+    """Event of every particle, (particle,) from 0, and which events may be resolved, (event,) bool.
 
-    position (particle, 3) and spacing (particle,) m; potency (particle, 6) m3; failure_order (particle, 2).
+    position (particle, 3) and spacing (particle,) m; potency (particle, 6) m3; part (particle,): of the step.
     """
     if settings.method == "families":
         family, _ = find_families(potency, settings.closeness)
         return find_clusters(position, spacing, family, settings.clustering)
-    label = find_regions(position, spacing, potency, failure_order, settings.closeness, reach)
-    return label, np.bincount(label) >= settings.min_particles
+    label = find_regions(position, potency, part, settings.length_of_links, settings.closeness)
+    return label, np.ones(label.max(initial=-1) + 1, bool)
 
 
 def slips_on_planes(step: xr.Dataset, source: NDArray) -> NDArray:
@@ -280,27 +306,21 @@ def _locate(
     }
 
 
-def _attributes(step: xr.Dataset, settings: EventSettings, strain: NDArray, spacing: NDArray) -> dict:
+def _attributes(step: xr.Dataset, settings: EventSettings, rock: FailedRock) -> dict:
     """Attributes of the event dataset.
 
-    potency_floor, m3: potency of `min_particles` full particles (cells, at one particle per cell) of the median spacing
-    at the median drop of this step's failed particles: the smallest event that can be resolved. location_error, m:
-    the median spacing, below which the model cannot tell where something failed. Both NaN where nothing failed.
+    potency_floor: see potency_floor. location_error, m: the median spacing, below which the model cannot tell where
+    something failed; NaN where nothing failed.
     """
-    floor = location_error = np.nan
-    if len(strain):
-        location_error = float(np.median(spacing))
-        full = location_error**settings.dimension * (settings.thickness or 1.0)
-        drop = settings.seismic_fraction * np.median(scalar_potency(tensor_from_voigt(strain)))
-        floor = float(settings.min_particles * drop * full)
     kept = {name: step.attrs[name] for name in (*STEP_ATTRIBUTES, *UNDATED, *LABEL_ATTRIBUTES)}
     return kept | {
         "kind": "synthetic",
-        "potency_floor": floor,
-        "location_error": location_error,
+        "potency_floor": rock.floor,
+        "location_error": float(np.median(rock.spacing)) if len(rock.source) else np.nan,
         "seismic_fraction": settings.seismic_fraction,
         "method": settings.method,
         "closeness": settings.closeness,
+        "link_length": settings.length_of_links if settings.method == "simultaneous" else 0.0,
         "least_particles": settings.min_particles,
         "cluster": json.dumps(settings.cluster.given() if settings.cluster else {}, sort_keys=True),
         "frame": json.dumps(settings.frame.given(), sort_keys=True),
@@ -318,58 +338,49 @@ def unlike_share(potency: NDArray, event: NDArray, event_potency: NDArray, thres
     return float(np.sum(scalar[unlike]) / np.sum(scalar)) if len(own) else 0.0
 
 
-def at_once_share(weight: NDArray, event: NDArray, failure_order: NDArray, least: int) -> float:
-    """Share of the scalar potency in events whose rock one increment of the load brought above its strength.
-
-    That is rock that fails before any other of its increment (generation 0), where one event has `least` such particles
-    and more. In smaller increments they would fail one after another, some of them never, and form other events.
-    weight (particle,) m3; event (particle,); failure_order (particle, 2): increment and generation.
-    """
-    first = failure_order[:, 1] == 0
-    increment = failure_order[:, 0].astype(np.int64)
-    key = event * (increment.max(initial=0) + 1) + increment  # families may span increments
-    _, own, count = np.unique(key[first], return_inverse=True, return_counts=True)
-    total = weight.sum()
-    return float(weight[first][count[own] >= least].sum() / total) if total > 0.0 else 0.0
-
-
-def sizes_by_closeness(steps: Iterable[xr.Dataset], settings: EventSettings) -> xr.Dataset:
-    """Resolved events of all steps at the mine's closeness, at each of CLOSENESS_TRIED, and with fewer links.
+def sizes_by_rule(steps: Iterable[xr.Dataset], settings: EventSettings) -> xr.Dataset:
+    """Resolved events of all steps by the mine's own rule, and by rules that differ in one choice.
 
     steps: datasets of mining steps, one after the other; settings: EventSettings, or their values. Gives potency
-    (event,) m3 and choice (event,): the index of the choice with which the event was extracted; closeness
-    and reach (choice,): the cosine, and over what regions are linked (seismic.regions), 0 for families, which have no
-    such links;
-    attribute own: the index of the catalogue's own choice.
+    (event,) m3 and rule (event,): the index of the rule by which the event was extracted; closeness, link_length m (0
+    with method families, which has none) and parts of a step (rule,). The first rule is the mine's own.
     """
     chosen = EventSettings.of(settings, "seismic")
-    has_links = chosen.method == "simultaneous"
-    choices = [(value, CORNERS if has_links else 0) for value in sorted({*CLOSENESS_TRIED, chosen.closeness})]
-    own = [value for value, _ in choices].index(chosen.closeness)
-    if has_links:
-        choices += [(chosen.closeness, reach) for reach in (EDGES, FACES)]
-    potency: list[list] = [[np.empty(0)] for _ in choices]
-    for step in steps:
+    rules, found = [], []
+    for number, step in enumerate(steps):
         rock = failed_rock(step, chosen)
-        for (value, reach), parts in zip(choices, potency, strict=True):
-            event, resolved = rock.events(chosen.model_copy(update={"closeness": value}), reach)
-            parts.append(scalar_potency(tensor_from_voigt(sum_by(event, rock.potency, len(resolved))))[resolved])
-    joined = [np.concatenate(parts) for parts in potency]
-    closeness, reaches = zip(*choices, strict=True)
+        if not number:
+            rules = _rules(chosen, rock.parts)
+            found = [[np.empty(0)] for _ in rules]
+        for (value, length, parts), own in zip(rules, found, strict=True):
+            given = {"closeness": value, "link_length": length if chosen.method == "simultaneous" else None}
+            event, resolved = rock.events(chosen.model_copy(update=given), parts)
+            own.append(scalar_potency(tensor_from_voigt(sum_by(event, rock.potency, len(resolved))))[resolved])
+    potency = [np.concatenate(own) for own in found]
+    rule = np.repeat(np.arange(len(rules)), [len(own) for own in potency])
+    closeness, link_length, count = np.array(rules).reshape(-1, 3).T
+
+    def variable(dim: str, values: NDArray, unit: str, meaning: str) -> tuple:
+        return dim, values, {"units": unit, "long_name": meaning}
+
     return xr.Dataset(
         {
-            "potency": ("event", np.concatenate(joined), {"units": "m3", "long_name": "scalar potency"}),
-            "choice": (
-                "event",
-                np.repeat(np.arange(len(choices)), [len(part) for part in joined]),
-                {"units": "1", "long_name": "choice with which the event was extracted"},
-            ),
-            "closeness": ("choice", list(closeness), {"units": "1", "long_name": "cosine above which rock is alike"}),
-            "reach": (
-                "choice",
-                list(reaches),
-                {"units": "1", "long_name": "links go over faces (1), also edges (2), also corners (3)"},
-            ),
+            "potency": variable("event", np.concatenate([np.empty(0), *potency]), "m3", "scalar potency"),
+            "rule": variable("event", rule, "1", "rule by which the event was extracted"),
+            "closeness": variable("rules", closeness, "1", "cosine above which rock is alike"),
+            "link_length": variable("rules", link_length, "m", "largest distance of rock that hangs together"),
+            "parts": variable("rules", count.astype(np.int64), "1", "parts of a step"),
         },
-        attrs={"mine": chosen.mine, "own": own},
+        attrs={"mine": chosen.mine},
     )
+
+
+def _rules(settings: EventSettings, parts: int) -> list[tuple[float, float, int]]:
+    """Closeness, link length and parts of a step of each rule that is tried; the first is the mine's own."""
+    has_links = settings.method == "simultaneous"
+    closeness, length = settings.closeness, settings.length_of_links if has_links else 0.0
+    others = [(value, length, parts) for value in CLOSENESS_TRIED]
+    if has_links:
+        others += [(closeness, factor * length, parts) for factor in LINK_LENGTHS_TRIED]
+        others += [(closeness, length, fewer) for fewer in (parts // 2, 1) if fewer]
+    return list(dict.fromkeys([(closeness, length, parts), *others]))

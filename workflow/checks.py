@@ -12,6 +12,7 @@ from mpm_core.grid.domain import base_cells
 from mpm_core.scene.scene import parse_scene
 from mpm_core.settings import ShapeSettings
 from plans.layout import ANY
+from seismic.event_settings import DEFAULT_LINK_LENGTH
 from workflow.accuracy import DRAFT, apply_accuracy
 from workflow.comparison_checks import check_baselines, check_face, check_forecasts, check_plans
 from workflow.dates import is_date, read_date
@@ -37,6 +38,8 @@ RESERVED = (
 )  # folders of results
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]\d+)?")
+MIN_CELLS_PER_LINK = 2  # With fewer, the number of events follows the cells (study events).
+MAX_CELLS_PER_DEFAULT_LINK = 8  # in a specimen of the laboratory
 MAX_COARSE_CELLS = 10**9  # the finer ones come on top
 
 
@@ -68,6 +71,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(lambda mine, _: complete(mine), *cells, *follows)
     if len(mistakes.lines) > before or not mine.has_corners or mine.settings.grid.coarse_cell is None:
         broken |= {"domain", "grid"}
+    check(_complete_link_length, "seismic", *cells)
     check(lambda mine, _: apply_accuracy(mine), "solver", *cells)
     check(_check_domain, *cells)
     check(check_frame, "frame", "domain", "plane")
@@ -113,6 +117,22 @@ def _under_written_keys(mine: Mine, lines: Sequence[str]) -> list[str]:
 def _check_name(mine: Mine, _: Mistakes) -> None:
     if mine.name.lower() in RESERVED:
         raise InputError(f"name: results/{mine.name} is a folder of the pipeline's own; choose another name")
+
+
+def _complete_link_length(mine: Mine, _: Mistakes) -> None:
+    """Set the length within which failed rock is linked, if none is given, by the cells of the file. Raises InputError
+    for one that these do not resolve."""
+    seismic, cell = mine.settings.seismic, mine.finest_cell
+    if seismic.method != "simultaneous":
+        return
+    low, high = MIN_CELLS_PER_LINK * cell, MAX_CELLS_PER_DEFAULT_LINK * cell
+    if seismic.link_length is None:
+        mine.change("seismic", link_length=min(max(DEFAULT_LINK_LENGTH, low), high))
+    elif seismic.link_length < low * (1.0 - 1e-9):
+        raise InputError(
+            f"seismic.link_length: {seismic.link_length:g} m is less than two of the finest cells ({cell:g} m); give "
+            f"{low:g} m or more"
+        )
 
 
 def _check_virgin(mine: Mine, _: Mistakes) -> None:

@@ -65,7 +65,7 @@ class ResultFiles:
             "figures": True,
             "catalog.nc": self.has_catalog,
             "catalog.csv": self.has_catalog,
-            "closeness.nc": self.has_catalog,
+            "event_rules.nc": self.has_catalog,
             "catalog.xml": self.has_quakeml,
             "record.nc": self.has_record,
         }

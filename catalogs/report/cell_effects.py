@@ -14,7 +14,6 @@ from catalogs.settings import ALL_STEPS
 
 # A larger share of the potency in rock that an increment brings to failure at once makes the events depend on the
 # increments.
-MAX_AT_ONCE_SHARE = 0.05
 MAX_ERROR_SHARE = float(np.expm1(MAX_ERROR))
 MEASURED = ("potency", "failed_volume")
 ROUND_OFF = 1e-9
@@ -41,19 +40,6 @@ def increment_share(evidence: Evidence) -> float:
     if not weights.sum() > 0 or not np.isfinite(shares[weights > 0]).all():
         return np.nan
     return float(np.average(shares, weights=weights))
-
-
-def at_once(evidence: Evidence) -> list[str]:
-    """A sentence where increments of the load decide how many events there are; else none."""
-    share = float(evidence.catalog.attrs.get("at_once_share", 0.0))
-    if share <= MAX_AT_ONCE_SHARE:
-        return []
-    return [
-        f"{percent(share)} of the potency is in rock that one increment of mining brought above its strength at once. "
-        "Such patches are events because of the size of the increment, so number, sizes and b of the events depend in "
-        "part on the increments. Smaller increments (a smaller solver.max_overshoot, or more solver.increments) "
-        "separate them."
-    ]
 
 
 def doubled_cells(evidence: Evidence) -> list[str]:

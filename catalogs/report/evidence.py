@@ -26,7 +26,7 @@ STATE_VARIABLES = (
     *CELL_VARIABLES,
 )
 EVENT_FILES = ("catalog", "record")
-DATASETS = ("spread", *EVENT_FILES, "comparison", "closeness", "grid_convergence", "forecast_scores")
+DATASETS = ("spread", *EVENT_FILES, "comparison", "event_rules", "grid_convergence", "forecast_scores")
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
@@ -79,9 +79,9 @@ class Evidence:
     what each excavation mines, by the places of `steps`; stages: elastic, then the steps in order, each with its
     convergence table and attributes only, among them the dates of a step from its file of events; state:
     STATE_VARIABLES of the last stage;
-    catalog, record, comparison, spread, closeness, grid_convergence, forecast_scores: the datasets of these names, None
-    where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs; insitu: stress before
-    mining.
+    catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores: the datasets of these names,
+    None where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs; insitu: stress
+    before mining.
     """
 
     config: dict
@@ -95,7 +95,7 @@ class Evidence:
     record: xr.Dataset | None
     comparison: xr.Dataset | None
     spread: xr.Dataset | None
-    closeness: xr.Dataset | None
+    event_rules: xr.Dataset | None
     grid_convergence: xr.Dataset | None
     forecast_scores: xr.Dataset | None
     files: dict[str, dict]

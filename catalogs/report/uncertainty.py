@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catalogs.compare.blocks import MIN_BLOCKS
-from catalogs.report.cell_effects import MAX_AT_ONCE_SHARE, cell_errors, increment_share
+from catalogs.report.cell_effects import cell_errors, increment_share
 from catalogs.report.evidence import Evidence
 from catalogs.report.sections.warnings import Advice, finer_cells
 from catalogs.report.text import DASH, number, percent, whole
@@ -113,39 +113,45 @@ def deviation_share(evidence: Evidence, quantity: str) -> float:
 
 
 def _increments(evidence: Evidence) -> Source:
-    """Uncertainty from increments: overshoot, and rock that one increment brings to failure at once."""
-    share, at_once = increment_share(evidence), float(evidence.catalog.attrs.get("at_once_share", 0.0))
+    """Uncertainty from increments: the overshoot of rock that fails in them."""
+    share = increment_share(evidence)
     solver = evidence.config.get("solver", {})
     count, overshoot = int(solver.get("increments", 0)), float(solver.get("max_overshoot", np.nan))
     code = f"solver.increments: {2 * count}" if count else "solver.max_overshoot"
     code += f": {overshoot / 2:g}" if not count and np.isfinite(overshoot) else ""
     advice = Advice("Mine in smaller increments:", code)
-    patches = f"; {percent(at_once)} of the potency is in events whose extent depends on the size of the increments"
-    patches = patches if at_once > MAX_AT_ONCE_SHARE else ""
     note = "one way: potency is too large, never too small"
     if not np.isfinite(share):
-        return Source(INCREMENTS, np.nan, f"not known of this scheme{patches}", advice, note=note, key=code)
-    text = f"potency is too large by a factor of up to {_factor(1.0 + share)}{patches}"
+        return Source(INCREMENTS, np.nan, "not known of this scheme", advice, note=note, key=code)
+    text = f"potency is too large by a factor of up to {_factor(1.0 + share)}"
     return Source(INCREMENTS, 1.0 + share, text, advice, note=note, key=code)
 
 
 def event_rule(evidence: Evidence) -> list[Source]:
-    """Rule that groups failed rock into events: the same rock by other closeness and links; none where not known."""
-    found = evidence.closeness
+    """Rule that groups failed rock into events: the same rock by other rules; none where not known."""
+    found = evidence.event_rules
     if found is None or not found.sizes["event"]:
         return []
-    potency, choice = found["potency"].values, found["choice"].values
-    sums = np.array([potency[choice == index].sum() for index in range(found.sizes["choice"])])
-    counts = np.bincount(choice, minlength=found.sizes["choice"])
-    own = int(found.attrs["own"])
+    potency, rule, count = found["potency"].values, found["rule"].values, found.sizes["rules"]
+    sums = np.bincount(rule, potency, minlength=count)
+    events = np.bincount(rule, minlength=count)
     if not (sums > 0).all():
         return []
-    factor = float(max(sums.max() / sums[own], sums[own] / sums.min()))
-    events = f"{whole(counts.min())} to {whole(counts.max())} (here {whole(counts[own])})"
-    largest = [log_potency(potency[choice == index]).max() for index in range(len(sums))]
+    factor = float(max(sums.max() / sums[0], sums[0] / sums.min()))
+    largest = [log_potency(potency[rule == index]).max() for index in range(count)]
     note = f"events of enough particles; their largest log P is {number(min(largest), 2)} to {number(max(largest), 2)}"
-    text = f"{_within(factor)}, if the same failed rock is grouped by other values of closeness and links"
-    return [Source(RULE, factor, text, events=events, note=note, key="seismic.closeness")]
+    text = f"{_within(factor)}, if the same failed rock is grouped by other rules"
+    keys = "seismic.closeness, seismic.link_length, solver.parts"
+    return [
+        Source(
+            RULE,
+            factor,
+            text,
+            events=f"{whole(events.min())} to {whole(events.max())} (here {whole(events[0])})",
+            note=note,
+            key=keys,
+        )
+    ]
 
 
 def _rock(evidence: Evidence) -> Source:

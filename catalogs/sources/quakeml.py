@@ -26,6 +26,7 @@ from obspy import UTCDateTime
 from obspy.core.event import (
     Axis,
     Catalog,
+    Comment,
     CreationInfo,
     Event,
     EventDescription,
@@ -128,6 +129,10 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
     result = Catalog(events=events, resource_id=ResourceIdentifier(base), creation_info=made)
     left_out = f"{total - len(rows)} unresolved events of {total} are left out" if len(rows) < total else ""
     result.description = ". ".join(part for part in (says, left_out) if part) or None
+    floor = float(catalog.attrs.get("potency_floor", np.nan))
+    if np.isfinite(floor) and floor > 0.0:
+        text = f"Complete from a potency of {floor:.3g} m3 on (log P {np.log10(floor):.2f}), the floor of the cells"
+        result.comments = [Comment(text=text, resource_id=ResourceIdentifier(f"{base}/floor"))]
     result.extra = {ATTRIBUTES: {"value": json.dumps(_plain(catalog.attrs)), "namespace": NAMESPACE}}
     return result
 

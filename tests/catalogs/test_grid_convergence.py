@@ -13,7 +13,7 @@ from scipy.stats import norm
 from catalogs.compare.cell_error import error_at
 from catalogs.compare.grid_convergence import cell_error, compare_cells, doubled_cells_tell
 from catalogs.figures import style
-from catalogs.report.cell_effects import at_once, doubled_cells
+from catalogs.report.cell_effects import doubled_cells
 from catalogs.report.sections.uncertainty import section
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
@@ -149,11 +149,6 @@ def test_the_report_says_what_cells_and_increments_leave_uncertain(tmp_path, fou
     text = said(gone)
     assert "On cells of 4 m instead of 2 m, which leave out drive, the same steps release" in text
     assert text.endswith("since cells of 4 m leave openings out.")
-    assert at_once(evidence()) == []
-    catalog = read_dataset(arguments["catalog"]).assign_attrs(at_once_share=0.24)
-    write_dataset(catalog, tmp_path / "at_once.nc")
-    (text,) = at_once(evidence(catalog=tmp_path / "at_once.nc"))
-    assert "24 % of the potency is in rock that one increment of mining brought above its strength at once" in text
 
 
 def test_the_report_says_that_cells_are_too_large(tmp_path, found, monkeypatch):

@@ -116,6 +116,9 @@ def test_unresolved_events_stay_out_of_the_file_and_a_clients_b_is_ours(tmp_path
         f"smi:local/demo/synthetic/event/{row + 1:06d}" for row in rows
     ]
     assert f"{400 - len(rows)} unresolved events of 400 are left out" in events.description
+    floor = catalog.attrs["potency_floor"]
+    (comment,) = events.comments
+    assert f"potency of {floor:.3g} m3 on (log P {np.log10(floor):.2f})" in comment.text
     mw = np.array([event.preferred_magnitude().mag for event in events])
     own = catalog["potency"].values[rows]
     of_client = np.log10(np.e) / (mw - mw.min()).mean()  # Aki (1965)

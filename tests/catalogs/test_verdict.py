@@ -339,15 +339,6 @@ def test_too_few_members_measure_no_chance(known):
     assert source.advice.code == "ensemble: 8"
 
 
-def test_events_that_increments_shape_are_named(known):
-    catalog = known.catalog.assign_attrs(at_once_share=0.3)
-    assert (
-        "30 % of the potency is in events whose extent depends on the size of the increments"
-        in by_name(replace(known, catalog=catalog))["Increments of mining"].text
-    )
-    assert "shapes" not in by_name(known)["Increments of mining"].text
-
-
 def test_increments_are_made_smaller_by_the_key_that_sets_them(known):
     codes = {
         by_name(replace(known, config=known.config | {"solver": solver}))["Increments of mining"].advice.code

@@ -55,9 +55,9 @@ def test_every_bound_of_the_reduced_study_holds(study, reduced, tmp_path):
     assert found["elongated, k-means: adjusted Rand index"].obtained < 0.5
     assert found["chain, single linkage: adjusted Rand index"].obtained == 0.0
     assert found["chain, DBSCAN 3: adjusted Rand index"].obtained == 0.0  # a default that does not do it
-    # through faces alone a crack that dips is cut at each step between its level stretches
-    faces = found["regions linked over faces: events of one crack, one cell thick, most of 12 ways to lie"]
-    assert faces.obtained > 5.0
+    # with links of one cell a crack that dips is cut at each step between its level stretches
+    short = found["regions linked within 1 cell: events of one crack, one cell thick, most of 12 ways to lie"]
+    assert short.obtained > 5.0
     assert "too slow" in found["time, k-means, 1,000 particles, s"].remark
 
 

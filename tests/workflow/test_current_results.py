@@ -303,7 +303,7 @@ def test_edited_sources_count_after_a_stage_was_killed(tmp_path, leave_empty):
 def test_the_report_stays_until_the_next_one_is_whole(spoiled, base):
     """A figure that cannot be drawn: the page of before is there to be read."""
     page = (spoiled / "results/tiny/report.html").read_bytes()
-    (spoiled / "results/tiny/closeness.nc").write_bytes(b"no dataset")
+    (spoiled / "results/tiny/event_rules.nc").write_bytes(b"no dataset")
     status, _ = snakemake(base / "files/tiny.yaml", spoiled)
     assert status != 0
     assert (spoiled / "results/tiny/report.html").read_bytes() == page

@@ -55,7 +55,7 @@ rule catalogue:
             category="{mine}",
             labels={"result": "catalogue"},
         ),
-        closeness=f"{RESULTS}/closeness.nc",
+        event_rules=f"{RESULTS}/event_rules.nc",
         quakeml=[f"{RESULTS}/catalog.xml"] if FILES.has_quakeml else [],
     log:
         f"{LOGS}/catalogue.log",

@@ -41,7 +41,7 @@ rule report:
             steps=FILES.own_states(MINE.mined_steps),
             events=FILES.own("events") if MINE.mined_steps else [],
             catalog=FILES.own("catalog.nc") if FILES.has_catalog else [],
-            closeness=FILES.own("closeness.nc") if FILES.has_catalog else [],
+            event_rules=FILES.own("event_rules.nc") if FILES.has_catalog else [],
             record=FILES.if_recorded("record.nc"),
             **FILES.comparisons(),
         ),

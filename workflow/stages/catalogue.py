@@ -61,7 +61,7 @@ def _events_of(state: Path, settings: dict):
 
 @stage("seismic", "catalogs", settings=lambda mine, wildcards: mine.catalogue_slice())
 def catalogue(job: Job) -> None:
-    """The catalogue as a table and as QuakeML, and sizes of events at several values of closeness"""
+    """The catalogue as a table and as QuakeML, and sizes of events by several rules"""
 
     from catalogs.sources.quakeml import write_quakeml
     from common.datasets import read_dataset, write_dataset
@@ -69,12 +69,12 @@ def catalogue(job: Job) -> None:
     from common.part_centers import PLACE_VARIABLES
     from seismic.catalog import write_csv
     from seismic.event_settings import EventSettings
-    from seismic.events import ROCK_VARIABLES, sizes_by_closeness
+    from seismic.events import ROCK_VARIABLES, sizes_by_rule
 
     catalog = read_events(job.input("catalog"))
     write_csv(catalog, job.output("catalog.csv"))
     if job.writes("catalog.xml"):
         write_quakeml(catalog, job.output("catalog.xml"))
     states = (read_dataset(path, {*ROCK_VARIABLES, *PLACE_VARIABLES}) for path in job.paths("steps"))
-    sizes = sizes_by_closeness(states, EventSettings.of(job.settings, "seismic"))
-    write_dataset(sizes.assign_attrs(job.provenance()), job.output("closeness.nc"))
+    sizes = sizes_by_rule(states, EventSettings.of(job.settings, "seismic"))
+    write_dataset(sizes.assign_attrs(job.provenance()), job.output("event_rules.nc"))

@@ -1,4 +1,4 @@
-"""Sizes of events: potency-frequency plots (paper Fig. 20), b and its dependence on the cut, closeness and links.
+"""Sizes of events: potency-frequency plots (paper Fig. 20), and b by its cut and by the rule that makes events.
 
 The template is "sizes.html.j2".
 """
@@ -33,7 +33,6 @@ from catalogs.sources.size_law import NONE, POWER, TRUNCATED
 from catalogs.sources.sizes import B_MAGNITUDE_PER_B_POTENCY, b_by_cut, counts, cut_grid, estimate_b, log_potency
 
 MIN_P_PRINTED = 0.001  # Smaller p-values are printed as smaller than this.
-LINKS_BY_REACH = {0: "", 1: "faces", 2: "faces, edges", 3: "faces, edges, corners"}  # by reach, of seismic.regions
 
 
 @dataclass(frozen=True)
@@ -55,19 +54,19 @@ class Sizes:
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
     """Content of the section on sizes: figures of potency-frequency and of b against the cut, rows of the comparison,
-    fits of both catalogues, rows by closeness, sentences on intervals and unlike particles, scales of b, texts of the
+    fits of both catalogues, rows by event rule, sentences on intervals and unlike particles, scales of b, texts of the
     comparison. None without events."""
     shown = shown_catalogues(evidence)
     if not shown:
         return None
     catalogs = [_size_fit(evidence, label, catalog) for label, catalog in shown.items()]
-    rows = closeness_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else []
+    rows = rule_rows(evidence, catalogs[0].cut) if MODEL_LABEL in shown else []
     return {
         "figure": gallery.add("potency_frequency", potency_frequency(catalogs)),
         "by_cut": gallery.add("b_against_cut", b_against_cut(catalogs)),
         "rows": size_rows(evidence),
         "fits": catalogs,
-        "closeness": rows,
+        "rules": rows,
         "intervals": intervals_contain(evidence, rows),
         "unlike": unlike(evidence),
         "scales": (1.0, B_MAGNITUDE_PER_B_POTENCY),
@@ -177,20 +176,22 @@ def _ratio(comparison: xr.Dataset, name: str, both: str) -> tuple[str, str, str]
     return f"{mean}{tested}", number(value), between(interval)
 
 
-def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
-    """A row for each choice tried: events, those from the cut (log10 m3) on, their b, the largest log P."""
-    found = evidence.closeness
+def rule_rows(evidence: Evidence, cut: float) -> list[dict]:
+    """A row for each rule tried: events, those from the cut (log10 m3) on, their b, the largest log P."""
+    found = evidence.event_rules
     if found is None or not found.sizes["event"]:
         return []
-    size, choice, rows = log_potency(found["potency"].values), found["choice"].values, []
-    for index, (value, reach) in enumerate(zip(found["closeness"].values, found["reach"].values, strict=True)):
-        own = size[choice == index]
+    size, rule, rows = log_potency(found["potency"].values), found["rule"].values, []
+    rules = (found[name].values.tolist() for name in ("closeness", "link_length", "parts"))
+    for index, (closeness, length, parts) in enumerate(zip(*rules, strict=True)):
+        own = size[rule == index]
         fit = estimate_b(own, cut)
         rows.append(
             {
-                "closeness": f"{value:g}",
-                "over": LINKS_BY_REACH[int(reach)],
-                "own": index == int(found.attrs["own"]),
+                "closeness": f"{closeness:g}",
+                "link_length": f"{length:g}" if length else "",
+                "parts": whole(parts),
+                "own": index == 0,
                 "events": whole(len(own)),
                 "above": whole(fit.events),
                 "b": fit.b,
@@ -202,24 +203,20 @@ def closeness_rows(evidence: Evidence, cut: float) -> list[dict]:
 
 
 def intervals_contain(evidence: Evidence, rows: list[dict]) -> list[str]:
-    """Sentences on what the interval of the model's b reflects and what it does not, with the range of b over closeness
-    and links; an empty list if b is known in none of the rows."""
+    """Sentences on what the interval of the model's b reflects and what it does not, with the range of b over the rules
+    tried; an empty list if b is known in none of the rows."""
     known = [row for row in rows if np.isfinite(row["b"])]
     law = "" if evidence.comparison is None else evidence.comparison.attrs.get("law_model", "")
     if not known:
         return []
     low, high = (pick(known, key=lambda row: row["b"]) for pick in (min, max))
-    own = next(row["closeness"] for row in rows if row["own"])
     range_of_b = f"{fixed(low['b'], 2)} to {fixed(high['b'], 2)} (section {section_number('sizes')})."
-    values = [float(row["closeness"]) for row in known]
-    tried = f"at a closeness of {min(values):g} to {max(values):g}"
-    tried += " and with links over faces to corners" if len({row["over"] for row in known}) > 1 else ""
     if law == NONE:
         text = "No power law describes the sizes of the model's events. "
-        return [text + f"If it is fitted nevertheless, to the same failed rock {tried}, b is {range_of_b}"]
+        return [text + f"If it is fitted nevertheless, to the same failed rock by the rules tried, b is {range_of_b}"]
     return [
-        f"The interval of the model's b reflects the finite number of its events at closeness {own} only, not the "
-        f"choice of closeness, links, increments or cell size. For the same failed rock {tried}, b is {range_of_b}"
+        "The interval of the model's b reflects the finite number of its events only, not the choice of the rule that "
+        f"makes events, or of cell size. For the same failed rock by the rules tried, b is {range_of_b}"
     ]
 
 

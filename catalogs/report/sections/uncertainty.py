@@ -7,7 +7,6 @@ import numpy as np
 
 from catalogs.report.cell_effects import (
     MAX_ERROR_SHARE,
-    at_once,
     cell_errors,
     cell_rows,
     doubled_cells,
@@ -24,14 +23,13 @@ PLACES = "the study's mines have four places each, so its figure for cells conta
 
 
 def section(evidence: Evidence, _: Gallery) -> dict:
-    """Content of the section: rows (a source each), sentences on all sources together, on doubled cells and on
-    increments; cells, sizes (m) and floor (log P) of the comparison of cell sizes, empty and NaN without one."""
+    """Content of the section: rows (a source each), sentences on all sources together and on doubled cells; cells,
+    sizes (m) and floor (log P) of the comparison of cell sizes, empty and NaN without one."""
     found, table = sources(evidence), evidence.grid_convergence
-    grouped = at_once(evidence) if found else []
     return {
         "rows": rows(evidence, found),
         "together": together(evidence, found),
-        "details": [text for text in (" ".join(doubled_cells(evidence)), *grouped) if text],
+        "details": [text for text in [" ".join(doubled_cells(evidence))] if text],
         "too_coarse": MAX_ERROR_SHARE,
         "cells": [] if table is None else cell_rows(table),
         "sizes": [] if table is None else [f"{cell:g}" for cell in table["cell"].values],

@@ -15,14 +15,13 @@ from scipy.spatial.transform import Rotation
 from common.voigt import tensor_from_voigt, voigt_from_tensor
 from seismic.event_settings import EventSettings
 from seismic.events import find_events
-from seismic.regions import CORNERS, EDGES, FACES
 from verification.answers.clustering.known_truth import index_of_clusters, lognormal, make_points, turned
 from verification.rows import Row
 
 # Distance from the middle of a crack to the nearest corner of a cell, cells. No crack runs along faces of cells.
 PLANE_OFFSET = 0.13
-REACHES = {"faces": FACES, "faces and edges": EDGES, "faces, edges and corners": CORNERS}
-REACH_OF_THE_PIPELINE = "faces, edges and corners"
+LINK_LENGTHS = (1.0, 2.0, 4.0)  # cells
+MIN_LINK_LENGTH = 2.0  # cells; what a mine may have
 SHEAR = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -50,9 +49,9 @@ def crack(normal: NDArray, radius: float, size: float = 1.0) -> NDArray:
 
 
 def two_cracks(normal: NDArray, radius: float) -> NDArray:
-    """Two parallel cracks one cell thick. Between them are the intact cells that one plane passes through."""
-    thick, layer = np.abs(normal).max(), np.abs(normal).sum()
-    starts = (PLANE_OFFSET, PLANE_OFFSET + thick + layer)
+    """Two parallel cracks one cell thick, with more rock between them than the largest of LINK_LENGTHS."""
+    thick = np.abs(normal).max()
+    starts = (PLANE_OFFSET, PLANE_OFFSET + thick + max(LINK_LENGTHS) + 1.0)
     return np.concatenate([cells(normal, radius, start, start + thick) for start in starts])
 
 
@@ -70,10 +69,8 @@ def two_levels(normal: NDArray, radius: float) -> tuple[NDArray, NDArray]:
 def crack_rows(settings: dict, allowed: dict) -> list[Row]:
     """Most and fewest events of cracks over all orientations, by method."""
     chosen, closeness = settings["cracks"], settings["families"]["shown_closeness"]
-    ways = {
-        f"regions linked over {name}": (_stage("simultaneous", closeness), reach) for name, reach in REACHES.items()
-    }
-    ways["families"] = (_stage("families", closeness), CORNERS)
+    ways = {_name(length): _stage("simultaneous", closeness, length) for length in LINK_LENGTHS}
+    ways["families"] = _stage("families", closeness)
     numbers: dict[tuple, list[int]] = {}
     for normal in normals(chosen):
         single, pair = crack(normal, chosen["radius"]), two_cracks(normal, chosen["radius"])
@@ -82,12 +79,13 @@ def crack_rows(settings: dict, allowed: dict) -> list[Row]:
             "one crack in cells of two sizes": two_levels(normal, chosen["radius"]),
             "two cracks": (pair, np.ones(len(pair))),
         }
-        for (method, (stage, reach)), (scene, (place, spacing)) in product(ways.items(), scenes.items()):
-            label = _events(place, spacing, np.tile(SHEAR, (len(place), 1)), stage, reach)
+        for (method, stage), (scene, (place, spacing)) in product(ways.items(), scenes.items()):
+            label = _events(place, spacing, np.tile(SHEAR, (len(place), 1)), stage)
             numbers.setdefault((method, scene), []).append(len(np.unique(label)))
     rows = []
     for (method, scene), found in numbers.items():
-        bound = allowed["exact"] if method in ("families", f"regions linked over {REACH_OF_THE_PIPELINE}") else None
+        resolved = _name(MIN_LINK_LENGTH) if scene != "one crack in cells of two sizes" else _name(2 * MIN_LINK_LENGTH)
+        bound = allowed["exact"] if method in ("families", resolved) else None
         true = 2 if scene == "two cracks" else 1
         for which, number in (("most", max(found)), ("fewest", min(found))):
             quantity = f"{method}: events of {scene}, one cell thick, {which} of {len(found)} ways to lie"
@@ -96,11 +94,11 @@ def crack_rows(settings: dict, allowed: dict) -> list[Row]:
 
 
 def body_rows(settings: dict, allowed: dict) -> list[Row]:
-    """Regions of bodies of known mechanisms against the truth: mean index of all sets, by scatter and reach."""
+    """Regions of bodies of known mechanisms against the truth: mean index of all sets, by scatter and link length."""
     mechanisms = tensor_from_voigt(np.array(settings["families"]["mechanisms"], dtype=float))
-    stage = _stage("simultaneous", settings["families"]["shown_closeness"])
     rows = []
-    for scatter, (name, reach) in product(settings["cracks"]["scatter"], REACHES.items()):
+    for scatter, length in product(settings["cracks"]["scatter"], LINK_LENGTHS):
+        stage = _stage("simultaneous", settings["families"]["shown_closeness"], length * settings["spacing"])
         indices = []
         for number, shape in enumerate(settings["sets"].values()):
             generator = np.random.default_rng([settings["seed"], number, 2])
@@ -110,22 +108,26 @@ def body_rows(settings: dict, allowed: dict) -> list[Row]:
             size = lognormal(count, 1.0, settings["families"]["log_potency_spread"], generator)
             tensor = turned(mechanisms[kind % len(mechanisms)], scatter, generator)
             potency = voigt_from_tensor(size[:, None, None] * tensor)
-            label = _events(points.position, points.spacing, potency, stage, reach)
+            label = _events(points.position, points.spacing, potency, stage)
             indices.append(index_of_clusters(points, label))
-        bound = (
-            allowed["random"] if scatter == 0 and name == REACH_OF_THE_PIPELINE else None
-        )  # Cells fail at random in one set.
+        bound = allowed["random"] if scatter == 0 and length == MIN_LINK_LENGTH else None  # One set fails at random.
         what = f"adjusted Rand index of bodies of one mechanism, turned by up to {scatter:g} degrees, mean of sets"
-        rows.append(Row.relative(f"regions linked over {name}: {what}", 1.0, float(np.mean(indices)), bound))
+        rows.append(Row.relative(f"{_name(length)}: {what}", 1.0, float(np.mean(indices)), bound))
     return rows
 
 
-def _stage(method: str, closeness: float) -> EventSettings:
-    """Settings of the event stage."""
+def _name(length: float) -> str:
+    """Name of the rule with links of this length, cells."""
+    return f"regions linked within {length:g} cell{'' if length == 1 else 's'}"
+
+
+def _stage(method: str, closeness: float, link_length: float | None = None) -> EventSettings:
+    """Settings of the event stage; link_length m."""
     given = {"mine": "cracks", "least_particles": 3, "seismic_fraction": 1.0, "frame": {"surface": 0.0}}
-    return EventSettings.of(given | {"method": method, "closeness": closeness}, "seismic")
+    links = {} if link_length is None else {"link_length": link_length}
+    return EventSettings.of(given | links | {"method": method, "closeness": closeness}, "seismic")
 
 
-def _events(place: NDArray, spacing: NDArray, potency: NDArray, stage: EventSettings, reach: int) -> NDArray:
-    """Event of each particle, (particle,), all failed in one generation."""
-    return find_events(place, spacing, potency, np.zeros((len(place), 2), int), stage, reach)[0]
+def _events(place: NDArray, spacing: NDArray, potency: NDArray, stage: EventSettings) -> NDArray:
+    """Event of each particle, (particle,), all failed in one part of a step."""
+    return find_events(place, spacing, potency, np.zeros(len(place), int), stage)[0]

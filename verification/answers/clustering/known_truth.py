@@ -44,6 +44,7 @@ def synthetic_step(
     later_strain=0.0,
     step="2019-08",
     step_index=2,
+    parts=4,
     start="2019-08-01",
     end="2019-09-01",
     dated=1,
@@ -60,6 +61,7 @@ def synthetic_step(
         for strain in (seismic_strain, overshoot_strain, later_strain)
     ]
     voigt = ("particle", "voigt")
+    increments = np.arange(1, int(order[:, 0].max(initial=0)) + 1)
     return xr.Dataset(
         {
             "position": (("particle", "xyz"), position),
@@ -72,12 +74,15 @@ def synthetic_step(
             "overshoot_strain": (voigt, strains[1]),
             "later_strain": (voigt, strains[2]),
             "plastic_strain_step": (voigt, strains[0] + strains[1] + strains[2]),
+            "convergence_increment": ("iteration", increments.astype(np.int32)),
+            "convergence_load": ("iteration", increments / max(len(increments), 1)),
         },
         attrs={
             "mine": mine,
             "stage": "step",
             "step": step,
             "step_index": step_index,
+            "parts": parts,
             "start": start,
             "end": end,
             "dated": dated,
