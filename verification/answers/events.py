@@ -28,14 +28,14 @@ from verification.rows import Row
 
 TABLES = (
     Pivot(
-        "Number, b and largest event of smaller cells, against those of the largest",
+        "Number, b and largest event of smaller cells, against those of the largest (%)",
         r"(?P<row>\w+, cells of [\d.]+ m, [\w ]+): (?P<column>events|b|largest, m3)",
-        "measured",
+        "change, %",
     ),
     Pivot(
-        "Number, b and largest event in equal increments, against those of increments that follow their error",
+        "Number, b and largest event in equal increments, against those of increments that follow their error (%)",
         r"(?P<row>\w+, \d+ equal increments, [\w ]+): (?P<column>events|b|largest, m3)",
-        "measured",
+        "change, %",
     ),
     Pivot(
         "Events of half of the failed rock against those of all of it: least adjusted Rand index over the halves",
