@@ -37,7 +37,7 @@ def test_brittle_tunnel_fails_alike_on_average(tmp_path):
     results = run_study("schemes", tmp_path, ["brittle_tunnel_explicit", "brittle_tunnel_multigrid"])
     pairs = schemes.read_pairs(tuple(results.variants.values()), [2, 5, 6])
     rows = schemes.brittle_rows("tunnel", pairs, results.allowed)
-    assert [row.passed for row in rows] == [True] * 6 + [None], rows
+    assert [row.passed for row in rows] == [True] * 5 + [None] * 2, rows  # there are too few events for b
     assert rows[0].expected > 0.0
     for runs in pairs.runs.values():
         failed = [run.failed.sum() for run in runs]

@@ -46,7 +46,8 @@ def test_a_variant_changes_the_scene_and_nothing_else(tmp_path):
     plain, coarse = (study.mines[name].settings.given() for name in ("plain", "coarse"))
     assert (plain["name"], coarse["name"]) == ("hole-plain", "hole-coarse")
     assert coarse["grid"] == plain["grid"] | {"levels": 1}
-    assert coarse | {"grid": plain["grid"], "name": plain["name"]} == plain
+    assert (plain["seismic"]["link_length"], coarse["seismic"]["link_length"]) == (4.0, 16.0)  # 2 and 8 m cells
+    assert coarse | {key: plain[key] for key in ("grid", "name", "seismic")} == plain
     assert plain["solver"]["damping"] == DEFAULT["solver"]["damping"]
     assert (study.threads, study.on_request, study.events) == (64, False, False)
 
