@@ -35,7 +35,9 @@ CELL_TEXTS: dict[str, Callable[[dict[str, str]], str]] = {
     "share": lambda row: f"{float(row['obtained']):.3f} ± {float(row['allowed']):.3f}" if row["obtained"] else "",
     "error": lambda row: number(row["error"], 2),
     "error, %": lambda row: f"{100 * float(row['error']):.2g}" if row["error"] else "",
-    "change, %": lambda row: f"{100 * (float(row['obtained']) / float(row['expected']) - 1):+.1f}",
+    "change, %": lambda row: (
+        f"{100 * (float(row['obtained']) / float(row['expected']) - 1):+.1f}" if row["obtained"] else ""
+    ),
 }
 
 
