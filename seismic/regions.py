@@ -10,9 +10,10 @@ be reached from it over particles
 - and around which the cosine of the mechanism with that around the leader is above the threshold.
 
 So rock whose mechanism turns gradually, as around an opening, is divided between the places where most potency is.
-These places follow from their surroundings, and rock far away changes no event that it is not part of. The result
-depends neither on the order of the particles nor on the threads: sums are added in the order of places, and ties are
-broken by a number derived from these. Studies clustering and events measure what this rule finds.
+These places follow from their surroundings. Rock far away counts only through events that reach that far: where one of
+them has another leader, its neighbours may be divided elsewhere, too. The result depends neither on the order of the
+particles nor on the threads: sums are added in the order of places, and ties are broken by a number derived from these.
+Studies clustering and events measure what this rule finds.
 """
 
 import itertools
@@ -39,9 +40,7 @@ def find_regions(position: NDArray, potency: NDArray, part: NDArray, link_length
     potency, part = np.asarray(potency, np.float64), np.asarray(part, np.int64)
     length = link_length * (1.0 + ROUND_OFF)
     cube = np.floor(position / length).astype(np.int64)
-    order = np.lexsort(
-        (*potency.T, *position.T, *cube.T[::-1], part)
-    )  # by potency, too: particles may lie at one place
+    order = np.lexsort((*potency.T, *position.T, *cube.T[::-1], part))  # particles may lie at one place
     position, tensor, part = position[order], potency[order] * NINE_COMPONENT_WEIGHTS, part[order]
     tensor /= np.abs(tensor).max()  # no underflow when squared
     start, own, near = neighbouring_cubes(np.column_stack([part, cube[order]]))

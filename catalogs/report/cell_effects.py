@@ -12,8 +12,6 @@ from catalogs.report.sections import section_number
 from catalogs.report.text import DASH, MAX_NAMED, fixed, number, percent, plural, whole
 from catalogs.settings import ALL_STEPS
 
-# A larger share of the potency in rock that an increment brings to failure at once makes the events depend on the
-# increments.
 MAX_ERROR_SHARE = float(np.expm1(MAX_ERROR))
 MEASURED = ("potency", "failed_volume")
 ROUND_OFF = 1e-9

@@ -10,7 +10,7 @@ from common.costs import Costs
 from common.errors import InputError
 from verification.results import read_results
 from verification.rows import KnownMiss
-from verification.studies import load_study, merge
+from verification.studies import FOLDER, load_study, merge
 from workflow.strict_yaml import read_yaml
 
 HOLE = {
@@ -133,3 +133,10 @@ def test_a_variants_costs_stand_in_the_logs_of_its_stages(tmp_path):
     assert (coarse.seconds("steps/mined"), coarse.peak_memory("steps/mined")) == (12.0, 345.0)
     assert coarse.processor_time("steps/mined") == 15.0
     assert coarse.seconds("grid") is coarse.processor_time("grid") is None
+
+
+def test_in_a_specimen_links_are_eight_cells_long():
+    """The default of 4 m would join all rock of a disc of the laboratory."""
+    for mine in load_study(FOLDER / "brazilian_disc.yaml").mines.values():
+        assert mine.finest_cell < 0.01
+        assert mine.settings.seismic.link_length == pytest.approx(8.0 * mine.finest_cell)

@@ -349,3 +349,22 @@ def test_keys_of_a_file_reach_the_grid_in_metres(accept):
     assert prism.grid_slice()["excavations"][1]["height"] == 20.0
     assert prism.solids() == mine.solids()
     assert len(mine.solids()) == 1
+
+
+def test_the_length_of_links_follows_the_cells_of_the_file(accept, refuse):
+    """4 m, within two to eight of the finest cells; the same on the cells of a draft and of the companion."""
+
+    def length(**changes):
+        mine = accept(TINY, **changes)
+        return mine.finest_cell, mine.settings.seismic.link_length, mine.coarser().settings.seismic.link_length
+
+    cell, own, coarse = length()
+    assert own == coarse == max(4.0, 2.0 * cell)
+    assert length(accuracy="draft")[1] == own
+    given = f"{3 * cell:g} m"
+    assert length(**{"seismic.link_length": given})[1] == pytest.approx(3 * cell)
+    line = refuse(TINY, **{"seismic.link_length": f"{1.9 * cell:g} m"})
+    assert line.startswith(f"seismic.link_length: {1.9 * cell:g} m is less than two of the finest cells ({cell:g} m)")
+    families = {"seismic.method": "families", "seismic.link_length": given}
+    assert "method families has cluster.radius_cells" in refuse(TINY, **families)
+    assert accept(TINY, **{"seismic.method": "families"}).settings.seismic.link_length is None
