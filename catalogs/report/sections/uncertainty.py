@@ -26,10 +26,11 @@ def section(evidence: Evidence, _: Gallery) -> dict:
     """Content of the section: rows (a source each), sentences on all sources together and on doubled cells; cells,
     sizes (m) and floor (log P) of the comparison of cell sizes, empty and NaN without one."""
     found, table = sources(evidence), evidence.grid_convergence
+    details = " ".join(doubled_cells(evidence))
     return {
         "rows": rows(evidence, found),
         "together": together(evidence, found),
-        "details": [text for text in [" ".join(doubled_cells(evidence))] if text],
+        "details": [details] if details else [],
         "too_coarse": MAX_ERROR_SHARE,
         "cells": [] if table is None else cell_rows(table),
         "sizes": [] if table is None else [f"{cell:g}" for cell in table["cell"].values],
