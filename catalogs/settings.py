@@ -182,7 +182,7 @@ class SpreadSettings(Settings):
 
     mine: str
     members: Annotated[int, Field(ge=1)]
-    largest_overstress: Annotated[float, Field(ge=0)]
-    """that rock of a member may bear before it fails, as a share of its cohesion"""
+    variability: Annotated[float, Field(gt=0)]
+    """largest coefficient of variation of the strength of a rock"""
     steps: Annotated[tuple[str, ...], AsTuple]
     """the dated ones"""

@@ -163,6 +163,26 @@ class MaterialSettings(Settings):
         return lame_parameters(self.youngs_modulus, self.poisson_ratio)[1]
 
 
+class Variability(Settings):
+    """Strength of intact rock that varies from place to place: a log-normal random field, the same on cells of all
+    sizes. Each member of an ensemble has another one."""
+
+    share: real_number(ge=0, le=0.5) = 0.1
+    """Coefficient of variation of cohesion, tensile and uniaxial strength. 0: the rock is uniform, and the cells choose
+    among the bands in which it may break as well."""
+    length: Size = None
+    """Distance over which strength varies: its correlation is exp(-(distance / length)^2). At least two of the finest
+    cells. Default: 2.5 m, within two to eight of the finest cells."""
+
+
+class RockSettings(MaterialSettings):
+    """What all rocks that can fail have."""
+
+    variability: Variability = None
+    """Strength that varies from place to place. Default: by 10 % over 2.5 m in rock that loses strength when it
+    fails."""
+
+
 class ElasticMaterial(MaterialSettings):
     """Rock or fill that does not fail."""
 

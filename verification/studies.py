@@ -14,6 +14,7 @@ import yaml
 from snakemake.utils import update_config
 
 from common.errors import InputError, InputErrors
+from mpm_core.constitutive.laws import ELASTIC_MODEL
 from verification.rows import KnownMiss, parse_known_misses
 from workflow import BASE
 from workflow.checks import PLANNED
@@ -73,6 +74,15 @@ def default_settings() -> dict:
     return yaml.safe_load((BASE / "config" / "default.yaml").read_text(encoding="utf-8"))
 
 
+def with_uniform_rock(scene: dict) -> dict:
+    """A copy of a scene whose rock is uniform unless it says otherwise: what closed forms are compared with."""
+    values = copy.deepcopy(scene)
+    for rock in values.get("materials", {}).values():
+        if rock.get("model") != ELASTIC_MODEL:
+            rock.setdefault("variability", {"share": 0})
+    return values
+
+
 def load_study(path: str | os.PathLike, default: dict | None = None) -> Study:
     """Read and check a study file. Raises InputError, one line, naming file, variant and key.
 
@@ -105,7 +115,8 @@ def load_study(path: str | os.PathLike, default: dict | None = None) -> Study:
         scene = merge(base, changes or {}) | {"name": f"{path.stem}-{name}"}
         _leave_planned(scene, mine)
         try:
-            mines[name] = load(merge(default, scene), source, default)
+            # a mine's rock varies as it does in the mine
+            mines[name] = load(merge(default, scene if mine else with_uniform_rock(scene)), source, default)
         except InputError as error:
             lines = (f"{path}: variants.{name}: {line.removeprefix(f'{path}: ')}" for line in error.lines)
             raise InputErrors(lines) from error

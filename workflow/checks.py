@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 from catalogs.settings import ALL_STEPS
 from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import is_list
-from mpm_core.constitutive.laws import can_fail
+from mpm_core.constitutive.laws import can_fail, loses_strength
 from mpm_core.grid.domain import base_cells
 from mpm_core.scene.scene import parse_scene
-from mpm_core.settings import ShapeSettings
+from mpm_core.settings import ShapeSettings, Variability
 from plans.layout import ANY
 from seismic.event_settings import DEFAULT_LINK_LENGTH
 from workflow.accuracy import DRAFT, apply_accuracy
@@ -38,8 +38,10 @@ RESERVED = (
 )  # folders of results
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]\d+)?")
-MIN_CELLS_PER_LINK = 2  # With fewer, the number of events follows the cells (study events).
-MAX_CELLS_PER_DEFAULT_LINK = 8  # in a specimen of the laboratory
+# Over fewer cells the number of events follows the cells (study events), and strength is one number for each cell.
+MIN_CELLS_PER_LENGTH = 2
+MAX_CELLS_PER_DEFAULT_LENGTH = 8  # in a specimen of the laboratory
+DEFAULT_VARIABILITY_LENGTH = 2.5  # m; the rock then chooses the bands in which it breaks, not the cells (study bands)
 MAX_COARSE_CELLS = 10**9  # the finer ones come on top
 
 
@@ -72,6 +74,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     if len(mistakes.lines) > before or not mine.has_corners or mine.settings.grid.coarse_cell is None:
         broken |= {"domain", "grid"}
     check(_complete_link_length, "seismic", *cells)
+    check(_complete_variability, "materials", *cells)
     check(lambda mine, _: apply_accuracy(mine), "solver", *cells)
     check(_check_domain, *cells)
     check(check_frame, "frame", "domain", "plane")
@@ -125,14 +128,44 @@ def _complete_link_length(mine: Mine, _: Mistakes) -> None:
     seismic, cell = mine.settings.seismic, mine.finest_cell
     if seismic.method != "simultaneous":
         return
-    low, high = MIN_CELLS_PER_LINK * cell, MAX_CELLS_PER_DEFAULT_LINK * cell
+    low = MIN_CELLS_PER_LENGTH * cell
     if seismic.link_length is None:
-        mine.change("seismic", link_length=min(max(DEFAULT_LINK_LENGTH, low), high))
+        mine.change("seismic", link_length=_default_length(DEFAULT_LINK_LENGTH, cell))
     elif seismic.link_length < low * (1.0 - 1e-9):
         raise InputError(
             f"seismic.link_length: {seismic.link_length:g} m is less than two of the finest cells ({cell:g} m); give "
             f"{low:g} m or more"
         )
+
+
+def _default_length(length: float, cell: float) -> float:
+    """A default length, m, within what finest cells of this size resolve."""
+    return min(max(length, MIN_CELLS_PER_LENGTH * cell), MAX_CELLS_PER_DEFAULT_LENGTH * cell)
+
+
+def _complete_variability(mine: Mine, mistakes: Mistakes) -> None:
+    """Set how strength varies in rock that loses it, where that is not given, by the cells of the file. Raises
+    InputErrors where these do not resolve it, or rock has no strength to lose."""
+    cell, materials = mine.finest_cell, dict(mine.settings.materials)
+    least = MIN_CELLS_PER_LENGTH * cell
+    for name, rock in materials.items():
+        where = f"materials.{name}.variability"
+        with mistakes.gather():
+            if not can_fail(rock):
+                continue
+            given = rock.variability or Variability()
+            if not loses_strength(rock):
+                if rock.variability is not None and given.share > 0.0:
+                    raise InputError(f"{where}: rock that loses no strength when it fails has none; leave it out")
+                continue
+            if given.length is not None and given.share > 0.0 and given.length < least * (1.0 - 1e-9):
+                raise InputError(
+                    f"{where}.length: {given.length:g} m is less than two of the finest cells ({cell:g} m); give "
+                    f"{least:g} m or more"
+                )
+            length = given.length or _default_length(DEFAULT_VARIABILITY_LENGTH, cell)
+            materials[name] = rock.model_copy(update={"variability": given.model_copy(update={"share": given.share, "length": length})})
+    mine.settings = mine.settings.model_copy(update={"materials": materials})
 
 
 def _check_virgin(mine: Mine, _: Mistakes) -> None:
@@ -391,15 +424,13 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
 def why_members_are_alike(mine: Mine) -> str:
     """Reason why all members of an ensemble would be the same, and what to set, as the beginning of a line; empty if
     they would differ."""
-    bodies = {"host", *(body.material for body in mine.settings.rock_bodies)}
-    if not any(can_fail(mine.settings.materials[name]) for name in bodies):
+    rocks = [mine.settings.materials[name] for name in ("host", *(body.material for body in mine.settings.rock_bodies))]
+    if not any(map(can_fail, rocks)):
         return "no rock can fail (materials), so all members are the same; give a material that can"
-    if mine.settings.solver.increments == 1:
-        is_draft = mine.settings.accuracy == DRAFT
-        said = "accuracy: draft has made 1 of solver.increments" if is_draft else "solver.increments is 1"
+    if not any(rock.variability is not None and rock.variability.share > 0.0 for rock in rocks if can_fail(rock)):
         return (
-            f"members differ by the increments in which they mine rock, and {said}; set that to "
-            f"{3 if is_draft else 2} or more"
+            "members differ by the random strength of their rock, and none varies (materials.*.variability); give it a "
+            "share"
         )
     return ""
 

@@ -8,7 +8,7 @@ that month.
 from collections.abc import Sequence
 from typing import Self
 
-from mpm_core.equilibrium.perturbation import MAX_STRENGTH_PERTURBATION
+from mpm_core.constitutive.laws import variability_of
 from mpm_core.settings import ShapeSettings, SolidSettings
 from workflow.face_positions import face_positions
 from workflow.mine_configuration import MineConfiguration
@@ -117,7 +117,7 @@ class Mine(MineConfiguration):
             "loads": loads,
             **({"strains": strains} if strains else {}),
             **({"refinement": self._refinement()} if self.is_adaptive else {}),
-            **({"perturbation": self.perturbation} if self.perturbation else {}),
+            **({"realization": self.realization} if self.realization else {}),
             "steps": [{"name": step.name} for step in self.steps[: last + 1]],  # rock knows no dates
             "solver": settings.solver.given(),
         }
@@ -175,7 +175,7 @@ class Mine(MineConfiguration):
         return {
             "mine": self.name,
             "members": self.members,
-            "largest_overstress": MAX_STRENGTH_PERTURBATION,
+            "variability": max(share for share, _ in map(variability_of, self.settings.materials.values())),
             "steps": self.dated_steps,
         }
 

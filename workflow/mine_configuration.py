@@ -38,7 +38,7 @@ class MineConfiguration:
     excavations: list[Excavation] = field(init=False)
     far_field: FarField | None = field(init=False, default=None)  # of a derived domain (workflow/derived_domain.py)
     resized_by: str = field(init=False, default="")  # what has changed the cells: see mpm_core.settings.RESIZED
-    perturbation: int = field(init=False, default=0)  # number of the ensemble's member, 0: the mine itself
+    realization: int = field(init=False, default=0)  # number of the ensemble's member: another random field of strength; 0: the mine itself
     record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
     _number: dict[str, int] = field(init=False)
 
@@ -121,17 +121,17 @@ class MineConfiguration:
     @property
     def members(self) -> int:
         """Number of perturbed members that run besides the mine's own run; 0 for a member."""
-        return 0 if self.perturbation else self.settings.ensemble
+        return 0 if self.realization else self.settings.ensemble
 
     @property
     def plan_members(self) -> int:
         """Number of perturbed members that each plan of the mine runs: as many as hazard.runs asks for at least."""
-        return 0 if self.perturbation else max(self.members, self.settings.hazard.runs - 1)
+        return 0 if self.realization else max(self.members, self.settings.hazard.runs - 1)
 
     def member(self, number: int) -> Self:
         """A member of the ensemble: its steps and events are its own, grid and elastic state are the mine's."""
         member = copy.copy(self)
-        member.perturbation = number
+        member.realization = number
         return member
 
     def pressure(self, excavation: Excavation) -> list[list]:
@@ -174,7 +174,7 @@ class MineConfiguration:
         It needs dated steps and more than one level of cells. Drafts and members of an ensemble have no such run.
         """
         settings = self.settings
-        possible = bool(self.dated_steps) and settings.grid.levels > 1 and not self.perturbation
+        possible = bool(self.dated_steps) and settings.grid.levels > 1 and not self.realization
         requested = self.dimension == 3 if settings.grid_convergence is None else settings.grid_convergence
         return possible and requested and settings.accuracy != "draft"
 

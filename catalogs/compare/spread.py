@@ -1,7 +1,7 @@
-"""Spread of the runs of an ensemble: the mine's own run and its perturbed members.
+"""Spread of the runs of an ensemble: the mine's own run and its members.
 
-Brittle failure localises: which rock fails first decides what fails next, and one run is one realisation. Members
-differ from the mine's own run at random, by less than can be measured (mpm_core/equilibrium/perturbation.py).
+Brittle failure localises: which rock fails first decides what fails next, and one run is one realisation. Each member
+has another random field of strength (mpm_core/model/variability.py), as likely as that of the mine's own run.
 
 Layout of spread.nc
 -------------------
@@ -19,7 +19,7 @@ does not exist: b of too few events, the standard deviation of one member.
   energy_released, energy_dissipated (run, period) J
   <name>_statistics (period, statistic)   of each of these but b_error and events_above_cut
   size_bin_lower (size_bin) log10 P;  cumulative (run, size_bin)   resolved events of all dated steps at least so large
-Attributes: mine, members, largest_overstress (share of cohesion), cut (log10 P in m3, that of the mine's own catalogue,
+Attributes: mine, members, variability (coefficient of variation of strength), cut (log10 P in m3, that of the mine's own catalogue,
 for all runs alike), cut_text, and those of a job's provenance (common.job).
 """
 
@@ -142,7 +142,7 @@ def gather(
         "statistic": ("statistic", list(STATISTICS), {"long_name": "statistic over the members"}),
     }
     attributes = {"mine": settings.mine, "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
-    attributes["largest_overstress"] = settings.largest_overstress
+    attributes["variability"] = settings.variability
     return xr.Dataset(result, coords=coordinates, attrs=attributes)
 
 

@@ -41,21 +41,27 @@ def strength_of(typing, rows, index, length):
 
 
 @njit(error_model="numpy")
-def brittle_drop(return_to_surface, xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, intact_row, residual_row):
+def brittle_drop(
+    return_to_surface, xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, intact_row, residual_row, scale
+):
     """First yield: (peak stress (6), residual stress (6), overshoot strain (6), seismic strain (6), region).
 
     The trial stress is projected to the intact surface, and that point to the residual surface, by a law's
     `return_to_surface`. Through the elastic compliance the first drop is the overshoot (aseismic: it depends on the
     step size), the second the seismic strain. Both strains are plastic, tensor shear. region is that of the return to
     the intact surface; where it is ELASTIC the rock has not failed: both stresses are the trial and both strains zero.
+    scale: strength of this intact rock over that of intact_row (kernels/failure.py).
     """
     trial = (xx, yy, zz, yz, xz, xy)
     nothing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    once = 1.0 / scale
     pxx, pyy, pzz, pyz, pxz, pxy, region = return_to_surface(
-        xx, yy, zz, yz, xz, xy, lame_lambda, shear_modulus, intact_row
+        once * xx, once * yy, once * zz, once * yz, once * xz, once * xy, lame_lambda, shear_modulus, intact_row
     )
     if region == ELASTIC:
         return trial, trial, nothing, nothing, region
+    pxx, pyy, pzz = scale * pxx, scale * pyy, scale * pzz
+    pyz, pxz, pxy = scale * pyz, scale * pxz, scale * pxy
     rxx, ryy, rzz, ryz, rxz, rxy, _ = return_to_surface(
         pxx, pyy, pzz, pyz, pxz, pxy, lame_lambda, shear_modulus, residual_row
     )

@@ -7,7 +7,6 @@ import numpy as np
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.energy_balance import dissipate, hourglass_energies
 from mpm_core.equilibrium.front import REACH, Front, front_of
-from mpm_core.equilibrium.perturbation import strength_perturbation
 from mpm_core.kernels.failure import (
     any_neighbor,
     make_drop,
@@ -27,9 +26,8 @@ class Brittle:
 
     present (particle,) bool: not mined; sound, sliver: particle indices; coarse: indices of rock in larger cells, which
     may fail once its cells have been split to the finest size; neighbor_start (cell + 1,), neighbors (pair,): cells
-    that share a face with each cell (grid.adjacency.face_neighbors); tolerated_overstress (particle,) Pa: overstress
-    without failure, in a member of an ensemble (perturbation.strength_perturbation); front: cells that are judged by
-    the stress towards the front.
+    that share a face with each cell (grid.adjacency.face_neighbors); front: cells that are judged by the stress
+    towards the front.
 
     A cut cell that is less than half rock fails only next to failed rock: the smaller its share, the more wrong is its
     stress (next to Kirsch's hole from a quarter down). If it stayed elastic, it would support the wall for ever.
@@ -41,7 +39,6 @@ class Brittle:
     coarse: np.ndarray
     neighbor_start: np.ndarray
     neighbors: np.ndarray
-    tolerated_overstress: np.ndarray | None
     front: Front
 
 
@@ -53,25 +50,20 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
     may_fail = rock & small
     half = (model.rock_share(step)[particles.cell] >= 0.5) | (particles.sample >= 0)
     sound, sliver = np.flatnonzero(may_fail & half), np.flatnonzero(may_fail & ~half)
-    tolerated_overstress = strength_perturbation(model) if model.scene.perturbation else None
-    return Brittle(
-        volume > 0.0, sound, sliver, np.flatnonzero(rock & ~small), neighbor_start, neighbors, tolerated_overstress,
-        front_of(model, step),
-    )  # fmt: skip
+    coarse = np.flatnonzero(rock & ~small)
+    return Brittle(volume > 0.0, sound, sliver, coarse, neighbor_start, neighbors, front_of(model, step))
 
 
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     """Intact particles that fail now, ascending."""
     intact = brittle.sound[state.failed[brittle.sound] < 0]
-    sound = above_strength(
-        model, state, intact, brittle.tolerated_overstress, stress_to_front(model, state, brittle, intact)
-    )
+    sound = above_strength(model, state, intact, stress_to_front(model, state, brittle, intact))
     broken = np.zeros(len(model.cell_nodes), bool)
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True
     by_failed = np.empty(len(brittle.sliver), bool)
     any_neighbor(model.particles.cell[brittle.sliver], brittle.neighbor_start, brittle.neighbors, broken, by_failed)
-    sliver = above_strength(model, state, brittle.sliver[by_failed], brittle.tolerated_overstress)
+    sliver = above_strength(model, state, brittle.sliver[by_failed])
     return np.sort(np.concatenate([sound, sliver]))
 
 
@@ -84,7 +76,7 @@ def stress_to_front(model: Model, state: State, brittle: Brittle, particles: np.
     some, part = particles[near], np.empty(len(near))
     make_drop_share(model.law)(
         some, state.stress, model.insitu, change[near], model.particles.material, model.intact_rows,
-        model.residual_rows, part,
+        model.residual_rows, model.strength_scale, part,
     )  # fmt: skip
     to_front = REACH * part[:, None] * change[near]
     to_front[overstress(model, state, some, to_front) <= overstress(model, state, some)] = 0.0
@@ -98,22 +90,18 @@ def overstress(model: Model, state: State, particles: np.ndarray, to_front: np.n
     Pa; 0 where bounds prove them below strength."""
     excess = np.empty(len(particles))
     make_overstress_of(model.law)(
-        particles, state.stress, model.insitu, to_front, model.particles.material, model.intact_rows, excess
-    )
+        particles, state.stress, model.insitu, to_front, model.particles.material, model.intact_rows, model.strength_scale,
+        excess,
+    )  # fmt: skip
     return excess
 
 
 def above_strength(
-    model: Model,
-    state: State,
-    candidates: np.ndarray,
-    tolerated_overstress: np.ndarray | None = None,
-    to_front: np.ndarray = CENTER,
+    model: Model, state: State, candidates: np.ndarray, to_front: np.ndarray = CENTER
 ) -> np.ndarray:
     """Candidates (particle indices) that are intact and above strength by more than the margin.
 
-    tolerated_overstress: see Brittle.tolerated_overstress; without it strength is the rock's own, as in all that rates
-    a state. to_front (candidate, 6) Pa: see stress_to_front; without it rock is judged at the centre of its cell.
+    to_front (candidate, 6) Pa: see stress_to_front; without it rock is judged at the centre of its cell.
     """
     above = np.empty(len(candidates), bool)
     make_is_above_strength(model.law)(
@@ -124,7 +112,7 @@ def above_strength(
         to_front,
         model.particles.material,
         model.intact_rows,
-        np.empty(0) if tolerated_overstress is None else tolerated_overstress,
+        model.strength_scale,
         above,
     )
     return candidates[above]
@@ -135,8 +123,6 @@ def weakest(model: Model, state: State, brittle: Brittle, candidates: np.ndarray
     if share == 0.0 or len(candidates) < 2:
         return candidates
     excess = overstress(model, state, candidates, stress_to_front(model, state, brittle, candidates))
-    if brittle.tolerated_overstress is not None:
-        excess -= brittle.tolerated_overstress[candidates]
     return candidates[excess >= share * excess.max()]
 
 
@@ -152,6 +138,7 @@ def fail(body: Body, brittle: Brittle, particles: np.ndarray, step: int, increme
         model.elastic_constants,
         model.intact_rows,
         model.residual_rows,
+        model.strength_scale,
         state.overshoot_strain,
         state.seismic_strain,
         to_front,

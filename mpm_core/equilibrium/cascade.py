@@ -245,7 +245,7 @@ def run_cascade(
     """
     solver, loose = scheme.body.model.scene.solver, loose_tolerance(scheme.body.model)
     share = np.sqrt(step_subdomain.share) if step_subdomain else 1.0  # of what may be unbalanced
-    increments = Increments(scheme.body.model, step, ramp.is_constant)
+    increments = Increments(scheme.body.model, ramp.is_constant)
     under_way = history.increment > 0  # a saved history
     while under_way or history.load < 1.0:
         if not under_way:

@@ -12,7 +12,7 @@ solver.max_overshoot, or if rock would fail in an increment that reaches into an
 (solver.parts), the state is restored and a smaller increment is tried. The next increment follows in proportion, as the
 steps of an adaptive integrator do. Sizes are halvings and doublings of a part that begin at their own multiples (block
 time steps, McMillan 1986). So runs that differ a little, for example by their cells, have increments that end at the
-same loads, and differ less. A member of an ensemble has other increments within the parts on purpose.
+same loads, and differ less.
 
 Rock that fails in different parts of a step makes different events (seismic.regions).
 """
@@ -24,7 +24,6 @@ from common.voigt import tensor_from_voigt
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle, above_strength, new_failures, stress_to_front
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.perturbation import delays, pace
 from mpm_core.kernels.failure import make_drop
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
@@ -43,12 +42,11 @@ class Increments:
     chosen: whether they follow their error. A constant load is one increment: smaller ones would all be that load.
     """
 
-    def __init__(self, model: Model, step: int, is_constant: bool):
+    def __init__(self, model: Model, is_constant: bool):
         solver = model.scene.solver
-        self.scene, self.step = model.scene, step
+        self.max_overshoot = solver.max_overshoot
         self.chosen = solver.increments == 0 and model.is_brittle() and not solver.move and not is_constant
         self.count = 1 if is_constant else solver.increments or INCREMENTS_WITHOUT_DROP
-        self.delay = delays(self.scene, step, self.count)
         self.parts = solver.parts
 
     def begin(self, history: History) -> None:
@@ -57,20 +55,15 @@ class Increments:
         history.increment, history.generation, history.tightened = history.increment + 1, 0, 0
         if self.chosen:
             done, size = history.load * self.parts, min(history.size, _block(history.load * self.parts))
-            if self.scene.perturbation and size <= 1.0:
-                left = np.floor(done + ROUND_OFF) + 1.0 - done
-                size = left / np.ceil(
-                    left / (history.size * pace(self.scene, self.step, history.increment)) - ROUND_OFF
-                )
             done += size
             history.load = 1.0 if done > self.parts - ROUND_OFF else done / self.parts
         else:
-            history.load = (history.increment + self.delay[history.increment]) / self.count
+            history.load = history.increment / self.count
 
     def accept(self, body: Body, brittle: Brittle, history: History) -> bool:
         """True if a chosen increment is accepted, in equilibrium under its load and before anything fails. Otherwise it
         is undone in the history, and the next one is smaller."""
-        return self.follow(overshoot_of_next(body, brittle) / self.scene.solver.max_overshoot, history)
+        return self.follow(overshoot_of_next(body, brittle) / self.max_overshoot, history)
 
     def follow(self, ratio: float, history: History) -> bool:
         """Do as `accept` for an increment whose error is `ratio` times the largest accepted one; 0 if nothing fails."""
@@ -89,7 +82,7 @@ class Increments:
     def _resize(self, factor: float, accepted: bool, history: History) -> bool:
         size, requested = (history.load - history.load_before) * self.parts, history.size
         history.size = max(2.0 ** np.floor(np.log2(size * factor)), MIN_INCREMENT)
-        if accepted or min(size, requested) <= MIN_INCREMENT:  # a member's may be larger than requested
+        if accepted or min(size, requested) <= MIN_INCREMENT:  # the former to round-off
             return True
         history.size = min(history.size, 0.5 * requested)  # whatever round-off makes of it: the next try is another
         history.load, history.increment = history.load_before, history.increment - 1
@@ -106,12 +99,13 @@ def overshoot_of_next(body: Body, brittle: Brittle) -> float:
     """Overshoot over seismic potency of the rock that would fail now, and of what would in finer cells; 0 for none.
     Nothing is changed."""
     model, state = body.model, body.state
-    coarse = above_strength(model, state, brittle.coarse, brittle.tolerated_overstress)
+    coarse = above_strength(model, state, brittle.coarse)
     fresh = np.concatenate([new_failures(model, state, brittle), coarse])
     overshoot, seismic = np.zeros((2, len(fresh), 6))
+    scale = model.strength_scale[fresh] if len(model.strength_scale) else model.strength_scale
     make_drop(model.law)(
         np.arange(len(fresh)), state.stress[fresh], model.insitu[fresh], model.particles.material[fresh],
-        model.elastic_constants, model.intact_rows, model.residual_rows, overshoot, seismic,
+        model.elastic_constants, model.intact_rows, model.residual_rows, scale, overshoot, seismic,
         stress_to_front(model, state, brittle, fresh), np.empty((len(fresh), 2)),
     )  # fmt: skip
     return _share_of_drop(overshoot, seismic, body.volume[fresh])

@@ -207,6 +207,7 @@ def cut_out(
     known = {  # else computed again for each subdomain
         "hourglass_patterns": model.hourglass_patterns[chosen[model.particles.distorted.cell]],
         "bending_share": model.bending_share[indices],
+        "strength_scale": model.strength_scale[indices] if len(model.strength_scale) else model.strength_scale,
     }
     vars(own_model).update(known)
     own = own_model.virgin_state()
@@ -306,7 +307,6 @@ def _crop_brittle(brittle: Brittle, indices: np.ndarray, cells: np.ndarray, numb
         coarse=coarse,
         neighbor_start=inside[link_start],
         neighbors=neighbors[neighbors >= 0],
-        tolerated_overstress=None if brittle.tolerated_overstress is None else brittle.tolerated_overstress[indices],
         front=_crop_front(brittle.front, place, cells, number),
     )
 

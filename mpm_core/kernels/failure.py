@@ -1,4 +1,9 @@
-"""First failure: the particles above peak strength, and the brittle drop to residual strength."""
+"""First failure: the particles above peak strength, and the brittle drop to residual strength.
+
+Intact rock has `scale` times the strength of its material (model/variability.py): cohesion, tensile and uniaxial
+strength, at the same friction. All laws have no other stress in them, so a stress is as far from a strength so scaled
+as the stress divided by `scale` is from the material's own, times `scale`.
+"""
 
 import functools
 import math
@@ -33,26 +38,46 @@ def judged_stress(stress, insitu, particle, to_front, i):
     )
 
 
+@njit(error_model="numpy", cache=True)
+def scaled(stress, factor):
+    """Six components of stress, times a factor."""
+    return (
+        stress[0] * factor,
+        stress[1] * factor,
+        stress[2] * factor,
+        stress[3] * factor,
+        stress[4] * factor,
+        stress[5] * factor,
+    )
+
+
+@njit(error_model="numpy", cache=True)
+def strength_at(strength_scale, particle):
+    """Strength of intact rock at a particle over that of its material; strength_scale (particle,), or (0,) for 1."""
+    return strength_scale[particle] if len(strength_scale) else 1.0
+
+
 @functools.cache
 def make_overstress_of(law):
     """The kernel for a law."""
     length = law.ROW_LENGTH
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def overstress_of(candidates, stress, insitu, to_front, material, rows, excess):
+    def overstress_of(candidates, stress, insitu, to_front, material, rows, strength_scale, excess):
         """Overstress of candidates, Pa: excess (candidate,), in place; 0 where bounds prove them below strength.
 
         candidates (candidate,) particle indices; stress, insitu (particle, 6) Pa; to_front (candidate, 6) Pa or (0, 6):
-        see judged_stress; rows (material, column).
+        see judged_stress; rows (material, column); strength_scale (particle,) or (0,): see strength_at.
         """
         for i in prange(len(candidates)):
             p = candidates[i]
-            xx, yy, zz, yz, xz, xy = judged_stress(stress, insitu, p, to_front, i)
+            scale = strength_at(strength_scale, p)
+            xx, yy, zz, yz, xz, xy = scaled(judged_stress(stress, insitu, p, to_front, i), 1.0 / scale)
             row = strength_of(rows, material[p], length)
             if law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
                 excess[i] = 0.0
             else:
-                excess[i] = law.overstress(xx, yy, zz, yz, xz, xy, row)
+                excess[i] = scale * law.overstress(xx, yy, zz, yz, xz, xy, row)
 
     return overstress_of
 
@@ -83,23 +108,22 @@ def make_is_above_strength(law):
     length = law.ROW_LENGTH
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def is_above_strength(candidates, failed, stress, insitu, to_front, material, rows, tolerated_overstress, above):
+    def is_above_strength(candidates, failed, stress, insitu, to_front, material, rows, strength_scale, above):
         """Find intact candidates above strength by more than a margin: above (candidate,) bool, written.
 
-        failed (particle,) int32, -1 intact; tolerated_overstress (particle,) Pa or (0,): more, by place; other
-        arguments as in overstress_of.
+        failed (particle,) int32, -1 intact; other arguments as in overstress_of.
         """
         for i in prange(len(candidates)):
             p = candidates[i]
             above[i] = False
             if failed[p] >= 0:
                 continue
-            xx, yy, zz, yz, xz, xy = judged_stress(stress, insitu, p, to_front, i)
+            scale = strength_at(strength_scale, p)
+            xx, yy, zz, yz, xz, xy = scaled(judged_stress(stress, insitu, p, to_front, i), 1.0 / scale)
             row = strength_of(rows, material[p], length)
             if not law.surely_admissible(xx, yy, zz, yz, xz, xy, row):
-                more = tolerated_overstress[p] if len(tolerated_overstress) else 0.0
-                margin = strength_margin(stress, insitu, p, law.strength_size(row))
-                above[i] = law.overstress(xx, yy, zz, yz, xz, xy, row) > margin + more
+                margin = strength_margin(stress, insitu, p, scale * law.strength_size(row))
+                above[i] = scale * law.overstress(xx, yy, zz, yz, xz, xy, row) > margin
 
     return is_above_strength
 
@@ -171,7 +195,7 @@ def make_drop_share(law):
         return low
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def drop_share(particles, stress, insitu, to_face, material, intact_rows, residual_rows, share):
+    def drop_share(particles, stress, insitu, to_face, material, intact_rows, residual_rows, strength_scale, share):
         """Share of differential stress that particles (k,) lose as they fail: share (k,), written.
 
         One less residual over intact strength, both at the confinement that acts at the face, whose stress is that of
@@ -182,7 +206,9 @@ def make_drop_share(law):
             at_face = judged_stress(stress, insitu, p, to_face, i)
             largest = principal_stresses(*at_face)[0]
             confinement = min(largest, 0.0)
-            intact = supported(at_face, largest, confinement, strength_of(intact_rows, material[p], length))
+            once = 1.0 / strength_at(strength_scale, p)
+            intact_row = strength_of(intact_rows, material[p], length)
+            intact = supported(scaled(at_face, once), once * largest, once * confinement, intact_row)
             residual = supported(at_face, largest, confinement, strength_of(residual_rows, material[p], length))
             share[i] = 1.0 - residual / intact if intact > 0.0 else 1.0
 
@@ -203,6 +229,7 @@ def make_drop(law):
         elastic_constants,
         intact_rows,
         residual_rows,
+        strength_scale,
         overshoot_strain,
         seismic_strain,
         to_front,
@@ -224,7 +251,7 @@ def make_drop(law):
             residual_row = strength_of(residual_rows, m, length)
             peak, residual, overshoot, seismic, _ = brittle_drop(
                 law.return_to_surface, xx, yy, zz, yz, xz, xy, lame, shear, strength_of(intact_rows, m, length),
-                residual_row,
+                residual_row, strength_at(strength_scale, p),
             )  # fmt: skip
             xx, yy, zz, yz, xz, xy = (
                 residual[0] - to_front[i, 0],
@@ -256,18 +283,16 @@ def make_rate_strength(law):
     length = law.ROW_LENGTH
 
     @njit(parallel=True, error_model="numpy", cache=True)
-    def rate_strength(particles, total_stress, material, intact_rows, residual_rows, failed, factor, excess):
+    def rate_strength(
+        particles, total_stress, material, intact_rows, residual_rows, strength_scale, failed, factor, excess
+    ):
         """Strength factor and excess shear stress (particle,) of rock, against the strength it has now, written."""
         for i in prange(len(particles)):
             p = particles[i]
             row = strength_of(residual_rows if failed[p] else intact_rows, material[p], length)
-            xx = total_stress[p, 0]
-            yy = total_stress[p, 1]
-            zz = total_stress[p, 2]
-            yz = total_stress[p, 3]
-            xz = total_stress[p, 4]
-            xy = total_stress[p, 5]
+            scale = 1.0 if failed[p] else strength_at(strength_scale, p)
+            xx, yy, zz, yz, xz, xy = scaled(total_stress[p], 1.0 / scale)
             factor[p] = law.strength_factor(xx, yy, zz, yz, xz, xy, row)
-            excess[p] = law.excess_shear_stress(xx, yy, zz, yz, xz, xy, row)
+            excess[p] = scale * law.excess_shear_stress(xx, yy, zz, yz, xz, xy, row)
 
     return rate_strength

@@ -31,6 +31,7 @@ from mpm_core.model.phantom_nodes import NO_CELL, with_phantom_nodes, without_ph
 from mpm_core.model.rigid_motions import RigidMotions, free_motions
 from mpm_core.model.state import State
 from mpm_core.model.unsupported import find_unsupported
+from mpm_core.model.variability import strength_scale
 from mpm_core.scene.scene import FACES, Scene, virgin_stress
 
 
@@ -105,6 +106,11 @@ class Model:
     def step_stiffness(self) -> np.ndarray:
         """(particle,) Pa: what bounds the time step of the explicit scheme, see particles.step_stiffness."""
         return step_stiffness(self.particles, self.elastic_constants, self.bending_share)
+
+    @cached_property
+    def strength_scale(self) -> np.ndarray:
+        """(particle,) strength of intact rock over that of its material, or (0,) where none varies."""
+        return strength_scale(self.scene, self.grid, self.particles, self.insitu, self.law, self.intact_rows)
 
     @cached_property
     def bending_share(self) -> np.ndarray:

@@ -124,8 +124,8 @@ class Scene:
     solver: SolverSettings
     refinement: Refinement | None = None
     """how cells are split in a step; None: they are not"""
-    perturbation: int = 0
-    """number of the ensemble's member (see equilibrium.perturbation); 0: the mine's own run"""
+    realization: int = 0
+    """number of the random field of strength (model/variability.py): that of the ensemble's member; 0: the mine's own"""
 
     @property
     def axes(self) -> tuple[int, ...]:
@@ -169,7 +169,7 @@ def parse_scene(values: dict) -> Scene:
         steps=tuple(step["name"] for step in values["steps"]),
         solver=SolverSettings.of(values["solver"], "solver"),
         refinement=_refinement(values.get("refinement")),
-        perturbation=values.get("perturbation", 0),
+        realization=values.get("realization", 0),
     )
     check_boundary(scene)
     check_strains(scene)

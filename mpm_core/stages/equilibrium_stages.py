@@ -243,6 +243,7 @@ def rate(model: Model, state: State, volume: np.ndarray) -> tuple[np.ndarray, np
         model.particles.material,
         model.intact_rows,
         model.residual_rows,
+        model.strength_scale,
         state.failed >= 0,
         factor,
         excess,

@@ -22,7 +22,7 @@ RESIDUAL = strength_row(20, 10, 1e6)
 
 def brittle_drop(*arguments):
     """Of Coulomb rock."""
-    return general.brittle_drop(return_to_surface, *arguments)
+    return general.brittle_drop(return_to_surface, *arguments, 1.0)
 
 
 def test_uniaxial_drop_by_hand():

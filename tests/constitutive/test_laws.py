@@ -169,7 +169,7 @@ for law in (coulomb, mix(coulomb, von_mises)):
     kernel = make_overstress_of(law)
     excess = np.empty(1)
     one, rows = np.zeros(1, np.int64), np.full((1, law.ROW_LENGTH), 2.0)
-    kernel(one, np.zeros((1, 6)), np.ones((1, 6)), np.empty((0, 6)), np.zeros(1, np.int16), rows, excess)
+    kernel(one, np.zeros((1, 6)), np.ones((1, 6)), np.empty((0, 6)), np.zeros(1, np.int16), rows, np.empty(0), excess)
     print(excess[0], sum(kernel.stats.cache_hits.values()), sum(kernel.stats.cache_misses.values()))
 """
 

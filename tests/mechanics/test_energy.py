@@ -24,7 +24,7 @@ SCENES = {
     "pressed": {"inside": 1e6, "fills": (None, None)},
     "strained": {"strain": [-6e-4, -1e-4, 0.0, 0.0, 0.0, 0.0]},
     "chosen increments": {"increments": 0},
-    "member": {"increments": 0, "changes": {"perturbation": 3}},
+    "member": {"increments": 0, "changes": {"realization": 3}},
     "four particles": {"changes": {"particles_per_cell": 2}},
     "subdivided cells": {"changes": {"cut_cells": "subdivide"}},
     "time steps": {"scheme": "explicit"},

@@ -14,7 +14,6 @@ from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import fail
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.increments import Increments, overshoot_of_next, overshoot_share, potency
-from mpm_core.equilibrium.perturbation import pace
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
@@ -108,7 +107,7 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
     def note(self, body, brittle, history):
         tried = history.load
         accepted = accept(self, body, brittle, history)
-        if self.step == 1:
+        if self.chosen:
             (loads if accepted else undone).append(tried)
         return accepted
 
@@ -118,7 +117,7 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
 
     def given(self, history):
         begin(self, history)
-        history.load = loads[history.increment - 1] if self.step == 1 else history.load
+        history.load = loads[history.increment - 1] if self.chosen else history.load
 
     monkeypatch.setattr(Increments, "accept", lambda *_: True)
     monkeypatch.setattr(Increments, "begin", given)
@@ -128,10 +127,10 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
         assert np.array_equal(chosen[name].values, again[name].values), name
 
 
-def increments_of(parts, perturbation=0):
+def increments_of(parts):
     """Increments that follow their error, of a step in so many parts."""
-    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False, parts=parts), perturbation=perturbation)
-    return Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), 1, False)
+    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False, parts=parts))
+    return Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), False)
 
 
 @given(st.lists(st.floats(0.0, 30.0), max_size=600), st.sampled_from([1, 3, 4, 7, 12]))
@@ -155,24 +154,10 @@ def test_chosen_increments_are_blocks_of_a_part(ratios, parts):
     assert history.load == 1.0
 
 
-@pytest.mark.parametrize("parts", [1, 4, 7])
-@pytest.mark.parametrize("perturbation", range(1, 4))
-def test_increments_of_a_member_end_with_the_parts(parts, perturbation):
-    """Rock fails from the start: each part's end is that of an increment."""
-    increments, history, ends = increments_of(parts, perturbation), History(1e-3), []
-    while history.load < 1.0:
-        increments.begin(history)
-        if increments.follow(0.7, history):
-            ends.append(history.load)
-    assert len(ends) >= parts
-    assert all(np.abs(np.array(ends) - (number + 1) / parts).min() < 1e-9 for number in range(parts))
-
-
-@pytest.mark.parametrize("perturbation", range(5))
 @pytest.mark.parametrize("ratio", [1.0 + 1e-15, 1.01, 30.0])
-def test_increments_end_however_large_their_error_stays(perturbation, ratio):
-    """Where it does not hang on the load, as of a history that is there from the start; a member's went on for ever."""
-    increments, history = increments_of(4, perturbation), History(1e-3)
+def test_increments_end_however_large_their_error_stays(ratio):
+    """Where it does not hang on the load, as of a history that is there from the start."""
+    increments, history = increments_of(4), History(1e-3)
     for _ in range(1000):
         increments.begin(history)
         increments.follow(ratio, history)
@@ -218,13 +203,3 @@ def test_killed_between_chosen_increments_it_goes_on_to_the_same_bytes(tmp_path)
         resumed, facts_again = mining_step(scene, grid, state, tmp_path / "failed.npz", Checkpoint(path, "key"))
         assert facts == facts_again
         assert all(np.array_equal(whole[name].values, resumed[name].values) for name in whole)
-
-
-def test_members_take_increments_of_their_own(tmp_path):
-    scene, *_ = begun(tmp_path, host=STRONG)
-    assert pace(scene, 1, 1) == 1.0
-    scene = replace(scene, perturbation=3)
-    sizes = [pace(scene, 1, increment) for increment in range(1, 200)]
-    assert sizes == [pace(scene, 1, increment) for increment in range(1, 200)]
-    assert 0.75 <= min(sizes) < 0.8
-    assert 1.2 < max(sizes) <= 1.25

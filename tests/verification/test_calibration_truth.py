@@ -133,7 +133,7 @@ def test_records_of_the_study_have_the_truth_of_the_mine_file_or_another_host():
     assert values[:2] == [twin["friction_angle"]["residual"], twin["cohesion"]["residual"]]
     slices = {case: case_slice(trials, case) for case in records()}
     same = slices[SAME_LAW]
-    assert [step["scene"]["perturbation"] for step in same["steps"]] == [10_001] * 4
+    assert [step["scene"]["realization"] for step in same["steps"]] == [10_001] * 4
     for case, other in slices.items():
         assert other["grid"] == same["grid"]
         assert (other["elastic"]["materials"] == same["elastic"]["materials"]) == (case == SAME_LAW)

@@ -40,8 +40,8 @@ def test_trials_change_what_is_named_and_nothing_else(tmp_path):
         assert host["friction_angle"]["residual"] == pytest.approx(15.0 + 10.0 * point[1], rel=1e-5)
     without = [{**host, "cohesion": 0, "friction_angle": 0} for host in hosts]
     assert without[0] == without[1]
-    assert "perturbation" not in replicate["elastic"]
-    assert [step["scene"]["perturbation"] for step in replicate["steps"]] == [1, 1]
+    assert "realization" not in replicate["elastic"]
+    assert [step["scene"]["realization"] for step in replicate["steps"]] == [1, 1]
     assert trials.slice_of("2", "doubled")["grid"]["grid"]["levels"] == first["grid"]["grid"]["levels"] - 1
 
 

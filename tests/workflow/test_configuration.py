@@ -303,8 +303,8 @@ def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):
     assert mine.comparison_slice() == without.comparison_slice() | {"members": 2}
     assert (without.members, mine.members, mine.member(2).members) == (0, 2, 0)
     for step in mine.mined_steps:
-        assert "perturbation" not in mine.step_slice(step)
-        assert mine.member(2).step_slice(step) == without.step_slice(step) | {"perturbation": 2}
+        assert "realization" not in mine.step_slice(step)
+        assert mine.member(2).step_slice(step) == without.step_slice(step) | {"realization": 2}
     assert mine.member(2).catalogue_slice() == without.catalogue_slice()
 
 

@@ -44,7 +44,7 @@ def test_each_folder_has_its_mine(accept):
     folders, guest = Folders(accept(TINY, **ENSEMBLE)), accept(STILL)
     folders.add(Guests(guest))
     assert folders.mine_at("tiny") is folders.mine
-    assert folders.mine_at("tiny/ensemble/2").perturbation == 2
+    assert folders.mine_at("tiny/ensemble/2").realization == 2
     assert folders.mine_at("tiny/coarse").finest_cell == 2 * folders.mine.finest_cell
     assert folders.mine_at("guests/one") is guest
     assert folders.mine_at("guests/one/ensemble/1").name == guest.name

@@ -34,8 +34,8 @@ MEMBERS_HALF_WIDTH = 0.25
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
-    """Content of the section on spread: figure, headline, rows, number of members, largest overstress (share of
-    cohesion) and cut of sizes. Without an ensemble a sentence that says so (one_run), and no rows."""
+    """Content of the section on spread: figure, headline, rows, number of members, variability of strength and cut of
+    sizes. Without an ensemble a sentence that says so (one_run), and no rows."""
     runs, record = evidence.spread, evidence.record
     if runs is None:
         return {"one_run": ONE_RUN, "rows": []}
@@ -45,7 +45,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "headline": headline(evidence),
         "rows": spread_rows(evidence),
         "members": int(runs.attrs["members"]),
-        "overstress": percent(runs.attrs["largest_overstress"]),
+        "variability": percent(runs.attrs["variability"]),
         "cut": typeset(str(runs.attrs["cut_text"])),
     }
 

@@ -9,7 +9,6 @@ one (general.brittle_drop); failed rock returns to the residual one. What a law'
 | Material | settings of a rock with this law: keys with their units; validators refuse what cannot be, above all a residual surface that leaves the intact one. What may differ between intact and residual rock is a pair {intact, residual} |
 | ROW_LENGTH | numbers in a strength row |
 | strength_rows(material, axes) | intact and residual row, float64 (ROW_LENGTH,); axes: see Scene.frame_axes |
-| cohesion(material) | Pa of intact rock; members of an ensemble differ by a share of it |
 | overstress_of_tensor(tensor, row) | `overstress` of (3, 3), Pa, by numpy: to check a configuration without waiting for numba |
 | surely_admissible(*stress, row) | whether cheap bounds prove stress admissible |
 | overstress(*stress, row) | how far stress is above strength, Pa; at most 0 where admissible. What is admissible is convex |
@@ -64,6 +63,19 @@ def can_fail(material: MaterialSettings | Mapping) -> bool:
     """True if a material, or its section of a slice, has a law of failure."""
     model = material.get("model") if isinstance(material, Mapping) else getattr(material, "model", ELASTIC_MODEL)
     return model != ELASTIC_MODEL
+
+
+def variability_of(material: MaterialSettings) -> tuple[float, float]:
+    """Coefficient of variation of a material's strength, and its length, m; 0 and 0 for one that does not vary."""
+    given = getattr(material, "variability", None)
+    return (given.share, given.length) if given is not None and given.share > 0.0 else (0.0, 0.0)
+
+
+def loses_strength(material: MaterialSettings) -> bool:
+    """True if a material can fail and has another strength then."""
+    return can_fail(material) and not np.array_equal(
+        *law_of(material).strength_rows(material, (0, 1, 2)), equal_nan=True
+    )
 
 
 def law_of(material: MaterialSettings) -> ModuleType:

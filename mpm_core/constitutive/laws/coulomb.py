@@ -30,12 +30,12 @@ from mpm_core.constitutive.coulomb_strength import ROW_LENGTH as ROW_LENGTH
 from mpm_core.constitutive.elastic import ADMISSIBLE_ROUND_OFF, STRENGTH_FACTOR_CAP
 from mpm_core.constitutive.isotropic import isotropic_lanes, isotropic_return, isotropic_tangent
 from mpm_core.constitutive.principal import principal_stresses, split_deviator
-from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
+from mpm_core.settings import AnglePair, RockSettings, StrengthPair
 
 NAME = "coulomb"
 
 
-class Material(MaterialSettings):
+class Material(RockSettings):
     """Rock that fails by Coulomb's criterion with a tension cut-off."""
 
     model: Literal["coulomb"]
@@ -85,10 +85,6 @@ def strength_rows(material: Material, axes: tuple[int, int, int]) -> tuple[np.nd
     )
     return intact, residual
 
-
-def cohesion(material: Material) -> float:
-    """Cohesion of intact rock, Pa."""
-    return material.cohesion.intact
 
 
 def overstress_of_tensor(tensor: np.ndarray, row: np.ndarray) -> float:

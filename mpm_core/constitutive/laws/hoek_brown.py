@@ -36,7 +36,7 @@ from mpm_core.constitutive.elastic import (
 from mpm_core.constitutive.general import lane_by_lane
 from mpm_core.constitutive.isotropic import isotropic_return, isotropic_tangent
 from mpm_core.constitutive.principal import principal_stresses, split_deviator
-from mpm_core.settings import AnglePair, MaterialSettings, StrengthPair
+from mpm_core.settings import AnglePair, RockSettings, StrengthPair
 
 NAME = "hoek_brown"
 ROW_LENGTH = 7
@@ -85,7 +85,7 @@ class IndexPair(Settings):
     residual: real_number(ge=0, le=100)
 
 
-class Material(MaterialSettings):
+class Material(RockSettings):
     """Rock whose strength curves with confinement (Hoek and Brown). It is given by mb, s and a, or by gsi, mi and
     disturbance."""
 
@@ -195,14 +195,6 @@ def strength_rows(material: Material, axes: tuple[int, int, int]) -> tuple[np.nd
     """Intact and residual strength row, the same in all axes."""
     return _row(material, "intact"), _row(material, "residual")
 
-
-def cohesion(material: Material) -> float:
-    """Cohesion of intact rock, Pa: of the Coulomb line with its unconfined strength and the tangent's friction
-    there."""
-    row = _row(material, "intact")
-    s = row[APEX] * row[MB] / row[SIGMA_CI]
-    slope = 1.0 + row[EXPONENT] * row[MB] * s ** (row[EXPONENT] - 1.0) if s > 0.0 else math.inf
-    return row[UNCONFINED_STRENGTH] / (2.0 * math.sqrt(slope))
 
 
 def overstress_of_tensor(tensor: np.ndarray, row: np.ndarray) -> float:

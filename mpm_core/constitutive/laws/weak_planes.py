@@ -138,10 +138,6 @@ def plane_normal(material: Material) -> np.ndarray:
     return material.planes.normal
 
 
-def cohesion(material: Material) -> float:
-    """The smaller one of intact rock and planes, Pa."""
-    return min(material.cohesion.intact, material.planes.cohesion.intact)
-
 
 def overstress_of_tensor(tensor: np.ndarray, row: np.ndarray) -> float:
     """`overstress` of a stress (3, 3) Pa, by numpy."""

@@ -1,0 +1,113 @@
+"""Directions of bands of failed rock around a stope that is turned against the grid."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from catalogs.figures import style
+from common.part_centers import part_centers
+from common.source_tensors import scalar_potency
+from common.voigt import tensor_from_voigt
+from verification.page_tables import Pivot
+from verification.results import Results, Variant
+from verification.rows import Row
+
+TABLES = (
+    Pivot(
+        "Particles in bands along the axes of the grid, over those along their mirror images",
+        r"turned by (?P<row>[\d.]+) degrees, (?P<column>uniform|varied): bands along the grid over their mirror images",
+        "measured",
+    ),
+)
+STEP = "mined"
+RIGHT_ANGLE, HALF_TURN = 90.0, 180.0
+MIN_NEIGHBOURS = 5  # Failed particles in the surroundings of one, without which it has no direction.
+MAX_FILLED_SHARE = 0.55  # A larger share of its surroundings that has failed is no band,
+MIN_ELONGATION = 3.0  # nor is a smaller ratio of the variances along and across.
+TOLERANCE = 7.5  # Largest angle to a direction, degrees.
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Failed rock of one run: place (k, 2) m; direction (band,) of the particles in bands, degrees from x; potency m3."""
+
+    place: NDArray
+    direction: NDArray
+    potency: float
+
+
+def answer(results: Results) -> tuple[list[Row], Figure]:
+    """Rows for each turn, in uniform and in varied rock; a figure of the failed rock of the mine's own runs."""
+    settings, allowed, rows = results.settings, results.allowed, []
+    runs = {}
+    for turn in settings["turns"]:
+        for kind, prefix in (("uniform", "uniform"), ("varied", "turn")):
+            variant = results[f"{prefix}_{str(turn).replace('.', '_')}"]
+            runs[turn, kind] = _runs(variant, settings["radius"])
+    for (turn, kind), found in runs.items():
+        if 2.0 * turn % RIGHT_ANGLE:  # at other turns the mirror images are the axes themselves
+            along, mirrored = (sum(near(run.direction, turned) for run in found) for turned in (0.0, 2.0 * turn))
+            title = f"turned by {turn:g} degrees, {kind}: bands along the grid over their mirror images"
+            bound = allowed["ratio"] if kind == "varied" else None
+            rows.append(Row.relative(title, 1.0, along / max(mirrored, 1), bound, f"{along} and {mirrored} particles"))
+    varied = {turn: np.array([run.potency for run in found]) for (turn, kind), found in runs.items() if kind == "varied"}
+    every = np.mean([potency.mean() for potency in varied.values()])
+    for turn, potency in varied.items():
+        error = potency.std(ddof=1) / np.sqrt(len(potency))
+        title = f"turned by {turn:g} degrees: potency less the mean of all turns, standard errors"
+        told = f"{potency.mean():.3f} of {every:.3f} m3, standard deviation of the runs {potency.std(ddof=1):.3f} m3"
+        rows.append(Row.absolute(title, 0.0, float((potency.mean() - every) / error), allowed["potency"], told))
+    return rows, draw(runs, settings)
+
+
+def near(direction: NDArray, turned: float) -> int:
+    """How many directions, degrees, lie along either of two axes at right angles, the first at an angle `turned`."""
+    apart = (direction - turned + 0.5 * RIGHT_ANGLE) % RIGHT_ANGLE - 0.5 * RIGHT_ANGLE
+    return int(np.count_nonzero(np.abs(apart) <= TOLERANCE))
+
+
+def directions(place: NDArray, cell: float, radius: float) -> NDArray:
+    """Direction (band,) degrees of the failed rock around each of its particles (k, 2) m that is in a band."""
+    found, full = [], np.pi * (radius / cell) ** 2
+    for own in cKDTree(place).query_ball_point(place, radius):
+        if MIN_NEIGHBOURS <= len(own) <= MAX_FILLED_SHARE * full:
+            apart = place[own] - place[own].mean(axis=0)
+            moments = apart.T @ apart / len(own) + np.eye(2) * cell**2 / 12.0
+            variance, axes = np.linalg.eigh(moments)
+            if variance[1] > MIN_ELONGATION * variance[0]:
+                found.append(np.degrees(np.arctan2(axes[1, 1], axes[0, 1])) % HALF_TURN)
+    return np.array(found)
+
+
+def _runs(variant: Variant, radius: float) -> list[Failed]:
+    paths = [f"steps/{STEP}.nc", *(f"ensemble/{one}/steps/{STEP}.nc" for one in range(1, variant.mine.members + 1))]
+    return [_failed(variant, path, radius) for path in paths]
+
+
+def _failed(variant: Variant, path: str, radius: float) -> Failed:
+    step = variant.read(path)
+    here = np.flatnonzero((step["failed"].values == step.attrs["step_index"]) & (step["volume"].values > 0.0))
+    place = part_centers(step)[here, :2]
+    tensor = tensor_from_voigt(step["seismic_strain"].values[here] * step["volume"].values[here, None])
+    return Failed(place, directions(place, variant.mine.finest_cell, radius), float(scalar_potency(tensor).sum()))
+
+
+def draw(runs: dict, settings: dict) -> Figure:
+    """Failed rock of the first run of each turn in the axes of the stope: uniform above, varied below."""
+    turns, center = settings["turns"], np.array(settings["center"])
+    figure = style.new_figure(height=4.4)
+    panels = figure.subplots(2, len(turns), sharex=True, sharey=True)
+    for row, kind in zip(panels, ("uniform", "varied"), strict=True):
+        for axes, turn in zip(row, turns, strict=True):
+            angle = np.radians(turn)
+            own = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            place = (runs[turn, kind][0].place - center) @ own
+            axes.plot(*place.T, ".", color=style.MODELLED, markersize=0.8)
+            axes.set(aspect="equal", title=f"{turn:g}°" if kind == "uniform" else None)
+        row[0].set_ylabel(f"{kind} rock\nalong the stope (m)")
+    for axes in panels[-1]:
+        axes.set_xlabel("across (m)")
+    return figure
