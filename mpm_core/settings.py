@@ -172,15 +172,14 @@ class Variability(Settings):
     among the bands in which it may break as well."""
     length: Size = None
     """Distance over which strength varies: its correlation is exp(-(distance / length)^2). At least two of the finest
-    cells. Default: 2.5 m, within two to eight of the finest cells."""
+    cells, which is the default."""
 
 
 class RockSettings(MaterialSettings):
     """What all rocks that can fail have."""
 
     variability: Variability = None
-    """Strength that varies from place to place. Default: by 10 % over 2.5 m in rock that loses strength when it
-    fails."""
+    """Strength that varies from place to place. Default: by 10 % in rock that loses strength when it fails."""
 
 
 class ElasticMaterial(MaterialSettings):
@@ -218,9 +217,10 @@ class SolverSettings(Settings):
     weakest_first: real_number(ge=0, le=1) = 0.0
     """0: all rock above its strength fails at once. 0.9: only rock with at least 0.9 of the largest overstress in the
     mine fails."""
-    collapse: Literal["error", "keep"] = "error"
-    """What happens if the rock finds no equilibrium after a failure, or does not stop failing. `error`: the run stops.
-    `keep`: the last equilibrium is kept, and the step is the last one."""
+    collapse: Literal["fall", "error", "keep"] = "fall"
+    """What happens if the rock finds no equilibrium after a failure, or does not stop failing. `fall`: rock that has
+    come loose falls, as if excavated, and the step goes on; where nothing has, or too much, the last equilibrium is the
+    result, and no later step is computed. `error`: the run stops. `keep`: as `fall`, but nothing falls."""
     damping: real_number(ge=0, lt=1) = 0.7
     """Coefficient of local damping (Cundall) of the explicit scheme, usually 0.7 to 0.85."""
     density_scaling: bool = True

@@ -75,6 +75,11 @@ def _read_step(path: str, mine: str, default: str = "") -> tuple[str, StepResult
     name = str(events.attrs.get("step", default))
     if events.attrs.get("mine") != mine:
         raise InputError(f"{path}: events of step {name} of mine {events.attrs.get('mine')}, not of {mine}")
+    if events.attrs.get("collapsed"):
+        raise InputError(
+            f"{path}: rock found no equilibrium in step {name} or before, so this run has not mined its plan; see the "
+            "log of that step, and docs/how-to/loose-rock.md"
+        )
     is_resolved, potency = events["resolved"].values == 1, events["potency"].values
     location = events["location"].values[is_resolved]
     return name, StepResult(potency[is_resolved], location, _log_floor(events.attrs), float(potency.sum()), file=path)

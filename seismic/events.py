@@ -43,7 +43,7 @@ STEP_ATTRIBUTES = ("mine", "step", "step_index", "parts", "lame_lambda", "shear_
 MATERIAL_ATTRIBUTES = ("material_names", "elastic_moduli")
 # Share of a strain that may deform planes within themselves while it counts as slip along them.
 MAX_IN_PLANE_SHARE = 1e-6
-LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where")
+LABEL_ATTRIBUTES = ("truncated", "truncated_share", "truncated_where", "collapsed")
 CLOSENESS_TRIED = (0.6, 0.7, 0.8, 0.9, 0.95)
 LINK_LENGTHS_TRIED = (1.0, 1.5, 2.0)  # times the catalogue's own
 

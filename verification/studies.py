@@ -74,9 +74,11 @@ def default_settings() -> dict:
     return yaml.safe_load((BASE / "config" / "default.yaml").read_text(encoding="utf-8"))
 
 
-def with_uniform_rock(scene: dict) -> dict:
-    """A copy of a scene whose rock is uniform unless it says otherwise: what closed forms are compared with."""
+def for_verification(scene: dict) -> dict:
+    """A copy of a scene whose rock is uniform, as that of closed forms, and that ends where it has no equilibrium,
+    unless it says otherwise."""
     values = copy.deepcopy(scene)
+    values.setdefault("solver", {}).setdefault("collapse", "error")
     for rock in values.get("materials", {}).values():
         if rock.get("model") != ELASTIC_MODEL:
             rock.setdefault("variability", {"share": 0})
@@ -116,7 +118,7 @@ def load_study(path: str | os.PathLike, default: dict | None = None) -> Study:
         _leave_planned(scene, mine)
         try:
             # a mine's rock varies as it does in the mine
-            mines[name] = load(merge(default, scene if mine else with_uniform_rock(scene)), source, default)
+            mines[name] = load(merge(default, scene if mine else for_verification(scene)), source, default)
         except InputError as error:
             lines = (f"{path}: variants.{name}: {line.removeprefix(f'{path}: ')}" for line in error.lines)
             raise InputErrors(lines) from error

@@ -13,7 +13,7 @@ from mpm_core.scene.scene import parse_scene
 from mpm_core.settings import ShapeSettings, Variability
 from plans.layout import ANY
 from seismic.event_settings import DEFAULT_LINK_LENGTH
-from workflow.accuracy import DRAFT, apply_accuracy
+from workflow.accuracy import apply_accuracy
 from workflow.comparison_checks import check_baselines, check_face, check_forecasts, check_plans
 from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
@@ -40,8 +40,7 @@ MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]\d+)?")
 # Over fewer cells the number of events follows the cells (study events), and strength is one number for each cell.
 MIN_CELLS_PER_LENGTH = 2
-MAX_CELLS_PER_DEFAULT_LENGTH = 8  # in a specimen of the laboratory
-DEFAULT_VARIABILITY_LENGTH = 2.5  # m; the rock then chooses the bands in which it breaks, not the cells (study bands)
+MAX_CELLS_PER_DEFAULT_LINK = 8  # in a specimen of the laboratory
 MAX_COARSE_CELLS = 10**9  # the finer ones come on top
 
 
@@ -128,19 +127,14 @@ def _complete_link_length(mine: Mine, _: Mistakes) -> None:
     seismic, cell = mine.settings.seismic, mine.finest_cell
     if seismic.method != "simultaneous":
         return
-    low = MIN_CELLS_PER_LENGTH * cell
+    low, high = MIN_CELLS_PER_LENGTH * cell, MAX_CELLS_PER_DEFAULT_LINK * cell
     if seismic.link_length is None:
-        mine.change("seismic", link_length=_default_length(DEFAULT_LINK_LENGTH, cell))
+        mine.change("seismic", link_length=min(max(DEFAULT_LINK_LENGTH, low), high))
     elif seismic.link_length < low * (1.0 - 1e-9):
         raise InputError(
             f"seismic.link_length: {seismic.link_length:g} m is less than two of the finest cells ({cell:g} m); give "
             f"{low:g} m or more"
         )
-
-
-def _default_length(length: float, cell: float) -> float:
-    """A default length, m, within what finest cells of this size resolve."""
-    return min(max(length, MIN_CELLS_PER_LENGTH * cell), MAX_CELLS_PER_DEFAULT_LENGTH * cell)
 
 
 def _complete_variability(mine: Mine, mistakes: Mistakes) -> None:
@@ -163,8 +157,10 @@ def _complete_variability(mine: Mine, mistakes: Mistakes) -> None:
                     f"{where}.length: {given.length:g} m is less than two of the finest cells ({cell:g} m); give "
                     f"{least:g} m or more"
                 )
-            length = given.length or _default_length(DEFAULT_VARIABILITY_LENGTH, cell)
-            materials[name] = rock.model_copy(update={"variability": given.model_copy(update={"share": given.share, "length": length})})
+            length = given.length or least
+            materials[name] = rock.model_copy(
+                update={"variability": given.model_copy(update={"share": given.share, "length": length})}
+            )
     mine.settings = mine.settings.model_copy(update={"materials": materials})
 
 

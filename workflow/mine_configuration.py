@@ -38,7 +38,9 @@ class MineConfiguration:
     excavations: list[Excavation] = field(init=False)
     far_field: FarField | None = field(init=False, default=None)  # of a derived domain (workflow/derived_domain.py)
     resized_by: str = field(init=False, default="")  # what has changed the cells: see mpm_core.settings.RESIZED
-    realization: int = field(init=False, default=0)  # number of the ensemble's member: another random field of strength; 0: the mine itself
+    realization: int = field(
+        init=False, default=0
+    )  # number of the ensemble's member: another random field of strength; 0: the mine itself
     record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
     _number: dict[str, int] = field(init=False)
 

@@ -77,7 +77,8 @@ def compare_cells(
         json.loads(coarse_grid[f"excavation_{key}"]) for key in ("names", "volume_grid", "narrow")
     )
     left_out = [name for name, volume in zip(names, volumes, strict=True) if not volume > 0.0]
-    lost = bool(left_out or narrow)
+    collapsed = any(state.attrs.get("collapsed") for run in steps for state in run)
+    lost = bool(left_out or narrow or collapsed)
     for name in ("potency", "failed_volume"):
         numbers = zip(table[name].T, table["thickness"].T, strict=True)
         errors = [cell_error(values, thickness, lost) for values, thickness in numbers]
@@ -89,7 +90,8 @@ def compare_cells(
             "cell": ("cell", list(settings.cells), {"units": "m", "long_name": "edge of the finest cells"}),
             "period": ("period", periods, {"long_name": "dated step, or all of them"}),
         },
-        attrs={"mine": settings.mine, "floor": floor, "left_out": json.dumps(left_out), "narrow": json.dumps(narrow)},
+        attrs={"mine": settings.mine, "floor": floor, "left_out": json.dumps(left_out), "narrow": json.dumps(narrow)}
+        | {"collapsed": int(collapsed)},
     )
 
 
@@ -97,7 +99,7 @@ def cell_error(values: Sequence[float], thickness: Sequence[float], lost: bool) 
     """Relative uncertainty of a number from the cells; NaN where nothing failed.
 
     values, thickness: the number, and the thickness of the failed rock in cells, on the mine's cells and on doubled
-    ones; lost: doubled cells leave openings out or have narrow ones.
+    ones; lost: doubled cells leave openings out or have narrow ones, or a run has collapsed.
     """
     own, coarse = values
     if not own > 0.0:

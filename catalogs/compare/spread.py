@@ -19,8 +19,9 @@ does not exist: b of too few events, the standard deviation of one member.
   energy_released, energy_dissipated (run, period) J
   <name>_statistics (period, statistic)   of each of these but b_error and events_above_cut
   size_bin_lower (size_bin) log10 P;  cumulative (run, size_bin)   resolved events of all dated steps at least so large
-Attributes: mine, members, variability (coefficient of variation of strength), cut (log10 P in m3, that of the mine's own catalogue,
-for all runs alike), cut_text, and those of a job's provenance (common.job).
+Attributes: mine, members, collapsed_members (left out, as they found no equilibrium), variability (coefficient of
+variation of strength), cut (log10 P in m3, that of the mine's own catalogue, for all runs alike), cut_text, and those
+of a job's provenance (common.job).
 """
 
 import json
@@ -41,20 +42,24 @@ from common.event_table import NAMES, check_events, read_events
 
 
 def read_members(folders: Sequence[str | os.PathLike], steps: list[str], mine: str) -> list[xr.Dataset]:
-    """One catalogue (form of common.event_table) of each member: events of the dated steps, in order of time.
+    """One catalogue (form of common.event_table) of each member: events of the dated steps, in order of time. Members
+    that have collapsed are left out.
 
     folders: each with events/<step>.nc. Raises InputError for a missing or unreadable file, or one of another mine.
     """
-    return [_read_member(Path(folder), steps, mine) for folder in folders]
+    found = [_read_member(Path(folder), steps, mine) for folder in folders]
+    return [member for member in found if member is not None]
 
 
-def _read_member(folder: Path, steps: list[str], mine: str) -> xr.Dataset:
+def _read_member(folder: Path, steps: list[str], mine: str) -> xr.Dataset | None:
     parts = []
     for step in steps:
         path = folder / "events" / f"{step}.nc"
         events = read_events(path)
         if events.attrs["mine"] != mine:
             raise InputError(f"{path}: is of mine {events.attrs['mine']}, not of {mine}")
+        if events.attrs.get("collapsed"):
+            return None
         parts.append(events[list(NAMES)].drop_attrs(deep=False))
     joined = xr.concat(parts, "event").sortby("time")  # stable: ties stay in the order of steps, and of events in one
     return check_events(joined.assign_attrs(mine=mine, kind="synthetic"), str(folder))
@@ -107,7 +112,14 @@ def gather(
         raise InputError("ensemble: there are no members, and nothing to compare; set ensemble to 1 or more")
     steps = list(settings.steps)
     cut, cut_text = _cut(catalog, comparison)
-    found = [_read_run(Path(folder), steps, settings.mine) for folder in runs]
+    read = [_read_run(Path(folder), steps, settings.mine) for folder in runs]
+    collapsed = [any(run.pop("collapsed")) for run in read]
+    found = [read[0], *(run for run, lost in zip(read[1:], collapsed[1:], strict=True) if not lost)]
+    if len(found) < 2:
+        raise InputError(
+            f"ensemble: all {len(runs) - 1} members ended in collapse, and there is nothing to compare; see the log of "
+            "their last step, or set ensemble to 0"
+        )
     table = {name: np.array([_totals(run, name) for run in found]) for name in found[0] if name != "sizes"}
     groups = [[*run["sizes"], np.concatenate(run["sizes"])] for run in found]
     table["events"] = np.array([[len(x) for x in group] for group in groups])
@@ -137,11 +149,12 @@ def gather(
         ),
     }
     coordinates = {
-        "run": ("run", np.arange(len(runs)), {"long_name": "0: the mine's own run, then the members by number"}),
+        "run": ("run", np.arange(len(found)), {"long_name": "0: the mine's own run, then the members by number"}),
         "period": ("period", [*steps, ALL_STEPS], {"long_name": "dated step, or all of them"}),
         "statistic": ("statistic", list(STATISTICS), {"long_name": "statistic over the members"}),
     }
-    attributes = {"mine": settings.mine, "members": len(runs) - 1, "cut": cut, "cut_text": cut_text}
+    attributes = {"mine": settings.mine, "members": len(found) - 1, "cut": cut, "cut_text": cut_text}
+    attributes["collapsed_members"] = len(runs) - len(found)
     attributes["variability"] = settings.variability
     return xr.Dataset(result, coords=coordinates, attrs=attributes)
 
@@ -172,13 +185,14 @@ def _read_run(folder: Path, steps: list[str], mine: str) -> dict[str, list]:
     found: dict[str, list] = {
         name: []
         for name in ("potency", "particle_potency", "failed_volume", "energy_released", "energy_dissipated", "sizes")
-    }
+    } | {"collapsed": []}
     for step in steps:
         state = read_dataset(folder / "steps" / f"{step}.nc", names=()).attrs
         events = read_events(folder / "events" / f"{step}.nc")
         for attributes, name in ((state, "steps"), (events.attrs, "events")):
             if attributes.get("mine") != mine:
                 raise InputError(f"{folder / name / step}.nc: is of mine {attributes.get('mine')}, not of {mine}")
+        found["collapsed"].append(bool(state.get("collapsed")))
         found["potency"].append(float(events["potency"].values.sum()))
         found["particle_potency"].append(json.loads(events.attrs["budget"])["particle_scalars"])
         for name in ("failed_volume", "energy_released", "energy_dissipated"):

@@ -90,6 +90,8 @@ def _losses(evidence: Evidence, coarse: str, thickness: float) -> str:
     """A clause on what doubled cells lose; empty if they show what the mine's own cells show."""
     table = evidence.grid_convergence
     left_out, narrow = (json.loads(table.attrs[name]) for name in ("left_out", "narrow"))
+    if table.attrs["collapsed"]:
+        return f"one of both runs found no equilibrium"
     if doubled_cells_tell(thickness, bool(left_out or narrow)):
         return ""
     if narrow:

@@ -26,6 +26,7 @@ import numpy as np
 
 from mpm_core.equilibrium.convergence import NoEquilibrium
 from mpm_core.equilibrium.energy_balance import EnergyPath, count_flow
+from mpm_core.equilibrium.falls import loose_rock
 from mpm_core.kernels.nodal_operations import (
     advance_nodes,
     collect_to_parents,
@@ -51,7 +52,8 @@ class Body:
     bool, see Model.attached_nodes; moves (node, d) bool: of these what is not held;
     hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that
     nothing holds; unbalanced (node, d) N: forces at free nodes when last computed; start (node, d) m: where
-    displacement is counted from in the check for a run away.
+    displacement is counted from in the check for a run away; rest (node, d) m: displacement in the last equilibrium of
+    the whole mine.
     """
 
     energy_path: EnergyPath
@@ -61,7 +63,7 @@ class Body:
         self.model = model
         self.state = state
         self.hanging = model.hanging
-        self.start = state.displacement.copy()
+        self.start, self.rest = state.displacement.copy(), state.displacement.copy()
         self.unbalanced = np.zeros_like(state.displacement)
         self.restart_flow_count()
         self.slot_force = np.zeros((model.scatter.slots, model.dimension))
@@ -212,6 +214,7 @@ class Body:
         spread_to_hanging(self.hanging, model.grid.node_parents, state.velocity)
         state.displacement += state.velocity
         self.start += state.velocity
+        self.rest += state.velocity
         self.update(1.0)
         state.velocity[:] = kept
 
@@ -242,7 +245,8 @@ class Body:
         if reach > self.model.grid.fine_cell:
             raise NoEquilibrium(
                 f"rock moved {reach:.3g} m in this stage, more than a finest cell: it runs away (unbalanced ratio "
-                f"{ratio:.2g}); fill the excavation, raise residual strength, or mine it in more steps"
+                f"{ratio:.2g}); fill the excavation, raise residual strength, or mine it in more steps",
+                loose_rock(self),
             )
 
     def drop_work_arrays(self) -> None:

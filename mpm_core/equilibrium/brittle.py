@@ -90,15 +90,13 @@ def overstress(model: Model, state: State, particles: np.ndarray, to_front: np.n
     Pa; 0 where bounds prove them below strength."""
     excess = np.empty(len(particles))
     make_overstress_of(model.law)(
-        particles, state.stress, model.insitu, to_front, model.particles.material, model.intact_rows, model.strength_scale,
-        excess,
+        particles, state.stress, model.insitu, to_front, model.particles.material, model.intact_rows,
+        model.strength_scale, excess,
     )  # fmt: skip
     return excess
 
 
-def above_strength(
-    model: Model, state: State, candidates: np.ndarray, to_front: np.ndarray = CENTER
-) -> np.ndarray:
+def above_strength(model: Model, state: State, candidates: np.ndarray, to_front: np.ndarray = CENTER) -> np.ndarray:
     """Candidates (particle indices) that are intact and above strength by more than the margin.
 
     to_front (candidate, 6) Pa: see stress_to_front; without it rock is judged at the centre of its cell.

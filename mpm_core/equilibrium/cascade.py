@@ -14,6 +14,7 @@ the rest. A crack needs the latter: its tip brings all rock around it above its 
 crushed zone instead of a crack (study brazilian_disc).
 """
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
@@ -76,6 +77,9 @@ class AdaptiveCells(Protocol):
     def split(self, places: np.ndarray) -> bool:
         """Split cells at places, in equilibrium; False where no more cells are allowed."""
 
+    def take_out(self, loose: np.ndarray) -> bool:
+        """Take out particles (k,) that have come loose; False where so much falls that the mine caves."""
+
 
 class InStepSubdomain(Protocol):
     """The subdomain that a step begins in (stages/step_subdomain.py).
@@ -99,6 +103,7 @@ def snapshot_equilibrium(scheme: Scheme, history: History) -> None:
     """Save the state as the last one in equilibrium."""
     scheme.body.commit()
     body = scheme.body
+    body.rest[:] = body.state.displacement
     history.last_equilibrium = snapshot(body.state, body.model.scene.solver.move, history.last_equilibrium)
 
 
@@ -114,13 +119,15 @@ def next_failures(scheme: Scheme, brittle: Brittle, subdomain: Subdomain | InSte
     return weakest(model, state, brittle, fresh, solver.weakest_first)
 
 
-def let_fail(scheme: Scheme, brittle: Brittle, fresh: np.ndarray, step: int, history: History) -> None:
-    """Let particles (k,) fail, in equilibrium."""
+def let_fail(
+    scheme: Scheme, brittle: Brittle, fresh: np.ndarray, step: int, history: History, is_whole: bool = True
+) -> None:
+    """Let particles (k,) fail, in equilibrium. is_whole: of the mine, to whose last equilibrium a step may go back."""
     history.failures(len(fresh))
     if not len(fresh):
         return
     solver = scheme.body.model.scene.solver
-    if solver.collapse == "keep":
+    if solver.collapse == "keep" or (is_whole and solver.collapse == "fall"):
         snapshot_equilibrium(scheme, history)
     if history.generation >= solver.max_generations:
         raise NoEquilibrium(
@@ -161,17 +168,21 @@ def run_generations(
             places, fresh = cells.flagged(scheme.body.model, scheme.body.state, brittle, fresh, provisional)
             if len(places) and not len(fresh):
                 return places
-        let_fail(scheme, brittle, fresh, step, history)
+        let_fail(scheme, brittle, fresh, step, history, not isinstance(subdomain, Subdomain))
         if not len(fresh):
             return np.empty((0, scheme.body.model.dimension), int)
         inner = None if divisible is None else divisible.subdomain_around(brittle, fresh)
         if divisible is not None and inner is not None:
             own = divisible.scheme_of(inner)
             share = len(inner.cells) / len(scheme.body.model.cell_nodes)  # of what may be unbalanced
-            run_generations(
-                own, inner.brittle, external[inner.nodes], tolerance * np.sqrt(share), reference, step, history, inner,
-                cells=cells,
-            )  # fmt: skip
+            try:
+                run_generations(
+                    own, inner.brittle, external[inner.nodes], tolerance * np.sqrt(share), reference, step, history,
+                    inner, cells=cells,
+                )  # fmt: skip
+            except NoEquilibrium as error:
+                error.loose = inner.particles[error.loose]
+                raise
             own.body.commit()
             divisible.take_over(inner)
             del inner, own  # before the whole needs its memory again
@@ -217,8 +228,8 @@ def begin_increment(
             scheme.reach_equilibrium(ramp.at(history.load), tolerance, ramp.reference, history)
             if increments.accept(scheme.body, brittle, history):
                 return
-        except NoEquilibrium:
-            if increments.shrink(history):
+        except NoEquilibrium as error:
+            if len(error.loose) or increments.shrink(history):
                 raise
         scheme.go_back(before)
 
@@ -239,20 +250,23 @@ def run_cascade(
     where the whole mine is between two generations; a history that stands within an increment (a saved one) goes on
     from there. In a subdomain of the mine it ends at the loose tolerance, or with the increment in which much rock near
     the border waits; the whole goes on from there.
-    Collapse: after rock has failed it does not reach equilibrium, or fails on after solver.max_generations. That is an
-    error (NoEquilibrium), or (solver.collapse "keep") the last state in equilibrium is the result, at
-    cascade_tolerance, with rock above its strength that would fail next.
+
+    Where no equilibrium is found (NoEquilibrium), or rock fails on after solver.max_generations, solver.collapse says
+    what follows. Loose rock falls (falls.py), and the step goes on from the last equilibrium. Collapse: this last
+    equilibrium is the result, at cascade_tolerance, with rock above its strength that would fail next.
     """
     solver, loose = scheme.body.model.scene.solver, loose_tolerance(scheme.body.model)
     share = np.sqrt(step_subdomain.share) if step_subdomain else 1.0  # of what may be unbalanced
     increments = Increments(scheme.body.model, ramp.is_constant)
+    if solver.collapse == "fall" and not history.last_equilibrium:
+        snapshot_equilibrium(scheme, history)
     under_way = history.increment > 0  # a saved history
     while under_way or history.load < 1.0:
-        if not under_way:
-            begin_increment(scheme, brittle, ramp, increments, share * loose, history)
-        under_way = False
-        external, last = ramp.at(history.load), history.load == 1.0
         try:
+            if not under_way:
+                begin_increment(scheme, brittle, ramp, increments, share * loose, history)
+            under_way = False
+            external, last = ramp.at(history.load), history.load == 1.0
             while True:
                 tolerance = share * max(loose / TOLERANCE_DIVISOR**history.tightened, solver.tolerance)
                 places = run_generations(
@@ -262,9 +276,7 @@ def run_cascade(
                     del scheme, brittle  # the memory is needed: no one but `cells` has them now
                     are_split = cells.split(places)
                     scheme, brittle, ramp = cells.scheme, cells.brittle, cells.ramp
-                    if not are_split:
-                        cells = None
-                    else:
+                    if are_split:
                         history.splits += 1
                         external = ramp.at(history.load)
                         if history.last_equilibrium:  # the state to go back to has these cells, too
@@ -274,13 +286,25 @@ def run_cascade(
                 if not last or step_subdomain or tolerance == solver.tolerance:
                     break
                 history.tightened += 1
-        except NoEquilibrium:
-            if not history.last_equilibrium:
+        except NoEquilibrium as error:
+            if not history.last_equilibrium or not (history.has_failures or len(error.loose)):
                 raise
+            logging.info("no equilibrium: %s", error)
             scheme.go_back(history.last_equilibrium)
-            if history.generation == 0:  # nothing failed since the increment before
-                history.increment, external = history.increment - 1, ramp.at(history.load_before)
-            scheme.reach_equilibrium(external, loose, ramp.reference, history)  # in equilibrium: this notes it
+            if history.generation == 0 and history.load > history.load_before:  # nothing failed since the one before
+                history.increment, history.load = history.increment - 1, history.load_before
+            if cells is not None and len(error.loose):
+                falls = cells.take_out(error.loose)
+                scheme, brittle, ramp = cells.scheme, cells.brittle, cells.ramp
+                if falls:
+                    snapshot_equilibrium(scheme, history)
+                    under_way = True
+                    continue
+            history.collapse = history.collapse or str(error)
+            try:
+                scheme.reach_equilibrium(ramp.at(history.load), loose, ramp.reference, history)  # this notes it
+            except NoEquilibrium:  # not of what is left of the mine, either
+                scheme.go_back(history.last_equilibrium)
             return scheme, True
         scheme.body.commit()
         if step_subdomain and step_subdomain.waits:

@@ -18,7 +18,14 @@ HISTORY_COLUMNS = (
 
 
 class NoEquilibrium(InputError):
-    """Rock under these forces does not reach equilibrium within solver.max_iterations, or runs away."""
+    """Rock under these forces does not reach equilibrium within solver.max_iterations, or runs away.
+
+    loose (k,): particles that have come loose (falls.py), of the body that was to reach it.
+    """
+
+    def __init__(self, message: str, loose: np.ndarray | None = None):
+        super().__init__(message)
+        self.loose = np.empty(0, np.int64) if loose is None else loose
 
 
 def norm(values: np.ndarray) -> float:
@@ -42,6 +49,7 @@ class History:
     load: float = 0.0  # share of it that acts
     load_before: float = 0.0  # at the end of the increment before
     size: float = np.inf  # parts; of the next increment, where it follows its error
+    collapse: str = ""  # why the stage has ended in collapse
     bar: tqdm | None = None
     # The last state in equilibrium, where it may be the result; empty elsewhere.
     last_equilibrium: dict[str, np.ndarray] = field(default_factory=dict)
@@ -74,6 +82,11 @@ class History:
             return ""
         pace = np.log(first / ratio) / max(time.perf_counter() - began, 1e-9)
         return f", equilibrium in about {np.log(ratio / self.tolerance) / pace:.0f} s"
+
+    @property
+    def has_failures(self) -> bool:
+        """True if rock has failed in this stage."""
+        return any(row[-1] for row in self.rows)
 
     def failures(self, count: int) -> None:
         """Note how many particles failed after the latest check."""

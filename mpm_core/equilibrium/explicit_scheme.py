@@ -4,15 +4,16 @@ Particles rest in their cells, so nodes keep their velocity from step to step: t
 velocities of Eqs (1) and (5), which would only filter it, are not needed. moving_scheme.py is the full cycle.
 
 In a relaxation that does not end, plastic flow is counted again from the present state every
-ITERATIONS_PER_FLOW_COUNT iterations (body.py). Without this, non-associated flow may circle around equilibrium. A
-smaller number would change the answer: flow that is returned in parts, along the path of the iterations, is not the
-flow of one return, and dissipates another energy.
+ITERATIONS_PER_FLOW_COUNT iterations (body.py), and rock that falls is looked for (falls.py). Without the former,
+non-associated flow may circle around equilibrium. A smaller number would change the answer: flow that is returned in
+parts, along the path of the iterations, is not the flow of one return, and dissipates another energy.
 """
 
 import numpy as np
 
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.convergence import History, NoEquilibrium
+from mpm_core.equilibrium.falls import FallWatch, loose_rock
 from mpm_core.kernels.nodal_operations import sizes
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
@@ -66,6 +67,7 @@ def step_to_equilibrium(body: Body, external: np.ndarray, tolerance: float, refe
     from where `displace` has moved it, InputError for NaN.
     """
     solver = body.model.scene.solver
+    watch = FallWatch(body) if solver.collapse == "fall" else None
     reference = reference or 1.0  # nothing was mined: any force at all counts
     history.cells = len(body.model.cell_nodes)
     body.update(0.0)
@@ -80,6 +82,8 @@ def step_to_equilibrium(body: Body, external: np.ndarray, tolerance: float, refe
             body.stop_drift()
             body.check_reach(ratio)
             if iteration > 0 and iteration % ITERATIONS_PER_FLOW_COUNT == 0:
+                if watch is not None:
+                    watch.look(ratio)
                 body.commit(in_equilibrium=False)
                 body.energy_path.begin(body, external)
         take_time_step(body, external)
@@ -89,6 +93,7 @@ def step_to_equilibrium(body: Body, external: np.ndarray, tolerance: float, refe
     else:
         raise NoEquilibrium(
             f"no convergence: unbalanced ratio {ratio:.3g} after {solver.max_iterations} iterations, tolerance "
-            f"{tolerance:g}; raise solver.max_iterations or solver.tolerance, or mine in smaller steps"
+            f"{tolerance:g}; raise solver.max_iterations or solver.tolerance, or mine in smaller steps",
+            loose_rock(body),
         )
     body.remove_rigid_motions()

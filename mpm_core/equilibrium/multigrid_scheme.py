@@ -121,7 +121,7 @@ class MultigridScheme:
     def scheme_of(self, subdomain: Subdomain) -> "MultigridScheme":
         """The scheme that brings a subdomain to equilibrium."""
         scheme = MultigridScheme(subdomain.model, subdomain.state, subdomain.volume)
-        scheme.body.start = self.body.start[subdomain.nodes]
+        scheme.body.start, scheme.body.rest = (nodal[subdomain.nodes] for nodal in (self.body.start, self.body.rest))
         return scheme
 
     def take_over(self, excerpt: Excerpt) -> None:

@@ -84,21 +84,31 @@ class FinestPieces:
 
 @dataclass(frozen=True)
 class Unsupported:
-    """Parts of cells that nothing holds from a step on, rock and fill (unsupported.py): they are void from then on.
+    """Parts of cells that nothing holds from a step on, rock and fill: they are void from then on.
 
     cell, step (part,) indices, samples (part,) uint64; piece (part,): number of the piece among those of its step,
-    largest first.
+    first those that no opening leaves a support (unsupported.py), largest first; fall (part,): number of the fall in
+    its step, from 1 on, of rock that came loose as it failed (equilibrium/falls.py), 0 of all other.
     """
 
     cell: np.ndarray
     samples: np.ndarray
     step: np.ndarray
     piece: np.ndarray
+    fall: np.ndarray
 
     @classmethod
     def none(cls) -> "Unsupported":
         """Nothing is unsupported."""
-        return cls(np.empty(0, np.int32), np.empty(0, np.uint64), np.empty(0, np.int32), np.empty(0, np.int32))
+        return cls(np.empty(0, np.int32), np.empty(0, np.uint64), *(np.empty(0, np.int32) for _ in range(3)))
+
+    def falls_in(self, step: int) -> np.ndarray:
+        """(part,) bool: what came loose in a step as it failed."""
+        return (self.step == step) & (self.fall > 0)
+
+    def of(self, chosen: np.ndarray) -> "Unsupported":
+        """The chosen parts, (part,) bool or indices."""
+        return Unsupported(**{name: column[chosen] for name, column in vars(self).items()})
 
     def and_then(self, other: "Unsupported") -> "Unsupported":
         """These parts and those of a later step."""

@@ -75,7 +75,12 @@ def _sum_waves(places, waves, phase, result):
 
 
 def strength_scale(
-    scene: Scene, grid: MultiLevelGrid, particles: Particles, insitu: np.ndarray, law: ModuleType, intact_rows: np.ndarray
+    scene: Scene,
+    grid: MultiLevelGrid,
+    particles: Particles,
+    insitu: np.ndarray,
+    law: ModuleType,
+    intact_rows: np.ndarray,
 ) -> np.ndarray:
     """Strength of intact rock at each particle over that of its material, (particle,); (0,) where no rock varies.
 

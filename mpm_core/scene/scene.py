@@ -125,7 +125,7 @@ class Scene:
     refinement: Refinement | None = None
     """how cells are split in a step; None: they are not"""
     realization: int = 0
-    """number of the random field of strength (model/variability.py): that of the ensemble's member; 0: the mine's own"""
+    """number of the random field of strength (model/variability.py): the ensemble's member; 0: the mine's own run"""
 
     @property
     def axes(self) -> tuple[int, ...]:

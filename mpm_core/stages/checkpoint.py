@@ -19,6 +19,7 @@ from common.costs import CLOCK
 from common.datasets import atomic_path, clear_parts
 from mpm_core.equilibrium.convergence import HISTORY_COLUMNS, History
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.model.state import Extent, State, changed_in
 
 MIN_SECONDS_BETWEEN_CHECKPOINTS = 30.0  # A checkpoint is written at least this long after the one before.
@@ -58,11 +59,12 @@ class Checkpoint:
         in_step_subdomain: bool = False,
         places: Sequence[np.ndarray] = (),
         full: bool = False,
+        fallen: Unsupported | None = None,
     ) -> None:
         """Write state, the cells that it has, and the convergence table, if it is time to.
 
         in_step_subdomain: True if they are those of the step's subdomain; places (k, d) each: what was split, full:
-        whether no more may be (step_cells.py).
+        whether no more may be; fallen: what has fallen in this step (step_cells.py).
         """
         now = time.perf_counter()
         if now - self.last < max(self.pause, self.cost / MAX_WRITING_SHARE):
@@ -76,6 +78,7 @@ class Checkpoint:
             split = np.concatenate([np.empty((0, grid.dimension), np.int64), *places])
             cells: dict[str, Any] = {"cells_index": grid.cell_index, "cells_level": grid.cell_level}
             cells |= {"in_step_subdomain": in_step_subdomain, "places": split, "full": full}
+            cells |= _named("fallen_", vars(fallen or Unsupported.none()))
             np.savez(file, key=self.key, taken=CLOCK.taken(), **counters | cells | others | of_failed | tables)
         self.last = time.perf_counter()
         self.cost = self.last - now

@@ -25,7 +25,7 @@ from mpm_core.kernels.failure import make_rate_strength
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Unsupported
 from mpm_core.model.state import State
-from mpm_core.model.unsupported import describe_unsupported
+from mpm_core.model.unsupported import describe_falls, describe_unsupported
 from mpm_core.scene.scene import FACES, Scene
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.external_forces import boundary_strain, external_force, load_size
@@ -81,6 +81,8 @@ def mining_step(
     have velocities of their own that no dataset holds).
     """
     step = len(scene.steps) - 1
+    if previous.attrs.get("collapsed") and scene.solver.collapse == "fall":
+        return not_computed(scene, previous)
     if previous.attrs.get("collapsed"):
         raise InputError(
             f"steps.{scene.steps[step]}: the step before ended in collapse, nothing can follow it; leave this "
@@ -103,23 +105,45 @@ def mining_step(
         def save(state: State, history: History) -> None:
             if checkpoint is not None and not scene.solver.move:
                 in_step_subdomain = at_work is not cells
-                checkpoint.save(state, history, at_work.model.grid, in_step_subdomain, at_work.places, at_work.full)
+                checkpoint.save(
+                    state, history, at_work.model.grid, in_step_subdomain, at_work.places, at_work.full, at_work.fallen
+                )
 
         def run(step_subdomain: StepSubdomain | None) -> tuple[Scheme, bool]:
-            refining = at_work if scene.refinement else None
             return run_cascade(
-                at_work.scheme, at_work.brittle, at_work.ramp, step, history, save, refining, step_subdomain
+                at_work.scheme, at_work.brittle, at_work.ramp, step, history, save, at_work, step_subdomain
             )
 
         if step_subdomain is not None:
             run(step_subdomain)
             step_subdomain.write_back()
             at_work, step_subdomain = cells, None
+            history.last_equilibrium, history.collapse = {}, ""
         scheme, collapsed = run(None)
         if checkpoint is not None:
             checkpoint.remove()
     ramp = cells.ramp
     return finish(scheme, history, step, balance, ramp.target, cells.moved(), ramp.reference, "step", collapsed)
+
+
+def not_computed(scene: Scene, previous: xr.Dataset) -> tuple[xr.Dataset, dict]:
+    """The state before, as that of a step after a collapse: nothing is mined, nothing fails. What reads results leaves
+    such steps out."""
+    zero = {name for name in previous.attrs if name.startswith("energy_") and not isinstance(previous.attrs[name], str)}
+    zero |= {"failed_particles", "failed_volume", "increments", "iterations", "cell_changes", "cell_splits"}
+    zero |= {"overshoot_share", "truncated", "truncated_share", "truncated_volume", "loose_pieces", "loose_volume"}
+    facts = {
+        **dict.fromkeys(sorted(zero), 0),
+        "step": scene.steps[-1],
+        "step_index": len(scene.steps) - 1,
+        "falls": "[]",
+        "computed": 0,
+    }
+    dataset = previous.isel(iteration=slice(-1, None)).load()
+    for name in ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step"):
+        dataset[name][:] = 0.0
+    logging.warning("the mine collapsed before; this step is not computed")
+    return dataset.assign_attrs(facts), facts
 
 
 class SolutionMonitor:
@@ -194,11 +218,14 @@ def finish(
         "increments": history.increment,
         "overshoot_share": overshoot_share(state, volume, step) if stage == "step" else 0.0,
         "collapsed": int(collapsed),
+        "collapse": history.collapse,
+        "computed": 1,
         **truncation(model, state, volume, stage),
         **failed_at_boundary(model, state, volume),
         **describe_unsupported(
             model.grid, model.particles.distorted, model.unsupported, step, scene.thickness, scene.axes
         ),
+        "falls": json.dumps(describe_falls(model, step)),
         "unheld_fill": json.dumps(model.unheld_fill(step)),
     }
     return state_dataset(model, state, model.material_volumes(step), rating, table, facts), facts

@@ -160,13 +160,7 @@ def transfer_unsupported(old: Model, new_index: np.ndarray) -> Unsupported:
     first, end = np.searchsorted(origin, unsupported.cell), np.searchsorted(origin, unsupported.cell, side="right")
     part = np.repeat(np.arange(len(first)), end - first)
     cell = np.arange(len(part)) - np.repeat(np.cumsum(end - first) - (end - first), end - first) + first[part]
-    return replace(
-        unsupported,
-        cell=cell.astype(np.int32),
-        samples=unsupported.samples[part],
-        step=unsupported.step[part],
-        piece=unsupported.piece[part],
-    )
+    return replace(unsupported.of(part), cell=cell.astype(np.int32))
 
 
 def _sources(old: Model, new: Model, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

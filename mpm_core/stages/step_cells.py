@@ -13,6 +13,7 @@ from mpm_core.equilibrium.cascade import Ramp
 from mpm_core.equilibrium.convergence import History
 from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourglass_energies, virgin_work
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
+from mpm_core.equilibrium.falls import MAX_FALLS
 from mpm_core.equilibrium.moving_scheme import MovingScheme
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from mpm_core.equilibrium.refinement import MAX_WAITING_SHARE, RINGS_SPLIT_AT_ONCE, RefinedCells
@@ -22,9 +23,11 @@ from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.kernels.energy_sums import stored_energy
-from mpm_core.model.model import Model
+from mpm_core.model.model import Model, held_faces
+from mpm_core.model.occupancy import Unsupported
 from mpm_core.model.particles import bending_stiffness
 from mpm_core.model.state import REFINED, State
+from mpm_core.model.unsupported import coming_loose, mined_volume, part_volumes
 from mpm_core.stages.external_forces import boundary_strain, external_force, load_size, reference_force
 from mpm_core.stages.ground import Ground
 from mpm_core.stages.stage_memory import require_cells
@@ -62,8 +65,9 @@ class StepCells:
     start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
     held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
     is what the mined rock held up;
-    full: as many cells as there may be; elsewhere: cells of the mine beyond these, where they are a subdomain's;
-    places: what was split, (k, d) each, see `split`; displacement_before: the start's, on the cells of now.
+    full: as many cells as there may be, or cells that are not split; elsewhere: cells of the mine beyond these, where
+    they are a subdomain's; places: what was split, (k, d) each, see `split`; falls: whether rock has fallen in this
+    step; displacement_before: the start's, on the cells of now.
     """
 
     ground: Ground
@@ -78,10 +82,12 @@ class StepCells:
     full: bool = False
     elsewhere: int = 0
     places: list[np.ndarray] = field(default_factory=list)
+    falls: bool = False
     displacement_before: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         self.displacement_before = self.start_displacement
+        self.full = self.full or self.ground.scene.refinement is None
 
     @property
     def model(self) -> Model:
@@ -135,14 +141,69 @@ class StepCells:
         state, volume = transfer(old, body.state, model), model.volumes(self.step)
         del body, old, self.scheme  # gigabytes that nothing needs any more
         self.scheme = make_scheme(model, state, volume)
+        self._set_step(model, volume)
+        self.refinement = RefinedCells.of(grid)
+        state.energy[REFINED] += stored(self.scheme.body, counted) - was
+        state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
+
+    def _set_step(self, model: Model, volume: np.ndarray) -> None:
+        """The step's load, rock that may fail and motion so far on a model; volume (particle,) m3.
+
+        What has fallen exerts no force any more, whatever the share of the load that acts.
+        """
         target, before = external_force(model, self.step), max(self.step - 1, 0)
         lasting = lasting_force(model, before) if before < self.step else target
         start = lasting + transfer_forces(self.start_cells, self.held_up, model)
+        if self.falls and before < self.step:
+            without = model.unsupported.of(~model.unsupported.falls_in(self.step))
+            whole = self.ground.model(model.grid, model.body, without, all_fallen=True)
+            start -= renumber_forces(whole, external_force(whole, self.step), model) - target
         reference = step_reference_force(model, start, target, self.ramp.strain, self.step)
         self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
         self.brittle = brittle_of(model, volume, self.step)
-        self.refinement = RefinedCells.of(grid)
         self.displacement_before = transfer_nodes(self.start_cells, self.start_displacement, model)
+
+    @property
+    def fallen(self) -> Unsupported:
+        """What has fallen in this step, in the cells of now."""
+        return self.model.unsupported.of(self.model.unsupported.falls_in(self.step))
+
+    def take_out(self, loose: np.ndarray) -> bool:
+        """Take out particles (k,) that have come loose, and what only they held: they fall, as if excavated. False,
+        and nothing is taken out, where more falls in the step than falls.MAX_FALLS, or more than the step has mined."""
+        model, fallen = self.model, self.fallen
+        found = coming_loose(
+            model.grid, model.changes, held_faces(model.scene), np.unique(model.particles.cell[loose]), self.step
+        )
+        found = replace(
+            found,
+            piece=found.piece + np.max(model.unsupported.piece[model.unsupported.step == self.step], initial=-1) + 1,
+            fall=found.fall + np.max(fallen.fall, initial=0),
+        )
+        volume, before = (float(part_volumes(model, part).sum()) for part in (found, fallen))
+        logging.info("fall %d: %.3g m3 of rock come loose", found.fall[0], volume * model.scene.thickness)
+        if found.fall[0] > MAX_FALLS or volume + before > mined_volume(model, self.step):
+            return False
+        self.without(found)
+        return True
+
+    def without(self, fallen: Unsupported, counted: Callable[[Model], np.ndarray] | None = None) -> None:
+        """Go over to the mine without parts of its cells that fall. Their energy goes with them; it is counted as
+        `onto` does."""
+        if not len(fallen.cell):
+            return
+        body = self.scheme.body
+        body.commit()
+        old, was, state = body.model, stored(body, counted), body.state
+        virgin_was = virgin_work(body, self.moved())
+        self.scheme.drop_work_arrays()
+        model = self.ground.model(old.grid, old.body, old.unsupported.and_then(fallen), all_fallen=True)
+        volume = model.volumes(self.step)
+        release_mined_hourglass(body, volume)
+        follow_walls(old, model, state, body.volume)
+        self.falls = True
+        self.scheme = make_scheme(model, state, volume)
+        self._set_step(model, volume)
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
         state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
 
@@ -152,6 +213,7 @@ class StepCells:
             self.onto(with_leaves(self.model.grid, saved["cells_index"], saved["cells_level"]))  # the last bit
         self.full = bool(saved["full"])
         self.places = [saved["places"]] if len(saved["places"]) else []
+        self.without(Unsupported(**{name: saved[f"fallen_{name}"] for name in vars(Unsupported.none())}))
 
     def renew(self) -> None:
         """A new scheme, for a state that was changed from outside."""

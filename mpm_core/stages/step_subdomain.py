@@ -139,6 +139,11 @@ class StepSubdomain:
             whole.onto(grid, lambda model: ~self.blocks.hold(model.grid.cell_index))
         else:
             whole.renew()
+        fallen = own.fallen
+        if own.falls:
+            inside = np.flatnonzero(self.blocks.hold(whole.model.grid.cell_index))
+            fallen = replace(fallen, cell=inside[fallen.cell].astype(np.int32))
+            whole.without(fallen, lambda model: ~self.blocks.hold(model.grid.cell_index))
         inside = self.blocks.hold(whole.model.grid.cell_index)
         assert isinstance(whole.scheme, SchemeWithSubdomains)  # checked by step_subdomain_of
         whole.scheme.take_over(_Excerpt(own.scheme.body.state, _places(whole.model, own.model, inside)))
@@ -204,8 +209,7 @@ def _unsupported_inside(unsupported: Unsupported, inside: np.ndarray) -> Unsuppo
     """Rock and fill that have lost their support in some cells (cell,) bool, numbered among them."""
     chosen = inside[unsupported.cell]
     number = np.cumsum(inside) - 1
-    own = {name: column[chosen] for name, column in vars(unsupported).items()}
-    return Unsupported(**own | {"cell": number[unsupported.cell[chosen]].astype(np.int32)})
+    return replace(unsupported.of(chosen), cell=number[unsupported.cell[chosen]].astype(np.int32))
 
 
 def _places(whole: Model, own: Model, inside: np.ndarray) -> dict[str, np.ndarray]:

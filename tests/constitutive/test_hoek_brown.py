@@ -321,10 +321,6 @@ def test_materials_are_read_by_both_descriptions():
     np.testing.assert_allclose(residual, strength_row(100e6, 1.5, 0.001, 0.51, 5.0))
     intact, _ = hoek_brown.strength_rows(Material.read(BY_INDEX), (0, 1, 2))
     np.testing.assert_allclose(intact, strength_row(100e6, *rock_mass(60, 12, 0), 10.0))
-    # of the line through unconfined strength with the tangent's slope: sigma_c = 2 c sqrt N
-    material = Material.read(SOUND)
-    slope = 1.0 + 0.5 * 5.0 / math.sqrt(0.02)
-    assert hoek_brown.cohesion(material) == pytest.approx(100e6 * math.sqrt(0.02) / (2 * math.sqrt(slope)))
 
 
 @pytest.mark.parametrize(

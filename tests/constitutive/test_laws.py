@@ -29,7 +29,7 @@ VON_MISES = {key: FILL[key] for key in ("youngs_modulus", "poisson_ratio", "dens
     "yield_stress": {"intact": 8e6, "residual": 3e6},
 }
 MIXTURE = mix(coulomb, von_mises)
-OFFERED = ("NAME", "Material", "ROW_LENGTH", "strength_rows", "cohesion", "overstress_of_tensor", "surely_admissible",
+OFFERED = ("NAME", "Material", "ROW_LENGTH", "strength_rows", "overstress_of_tensor", "surely_admissible",
            "overstress", "return_to_surface", "return_lanes", "stiffness_reduction", "strength_factor",
            "excess_shear_stress", "strength_size", "gains_energy")  # fmt: skip
 

@@ -96,8 +96,9 @@ def test_what_fails_in_a_disc_is_rest_again(tmp_path):
 def test_a_collapse_is_an_error_or_its_last_rest(tmp_path):
     """The usual residual strength: the disc comes down. Kept, the result is a state of rest in which rock has failed
     and more stands above strength; what failed then is not in it, and no step can follow."""
+    error = {"max_iterations": 3000, "collapse": "error"}
     with pytest.raises(InputError, match=r"runs away|no convergence"):
-        run("xz", tmp_path, host=COULOMB, force=36e6, steps=1, solver={"max_iterations": 3000})
+        run("xz", tmp_path, host=COULOMB, force=36e6, steps=1, solver=error)
     keep = {"max_iterations": 3000, "weakest_first": 0.8, "collapse": "keep"}
     state, facts = run("xz", tmp_path, host=COULOMB, force=36e6, steps=1, solver=keep)
     assert facts["collapsed"] == 1
@@ -114,7 +115,7 @@ def test_a_collapse_is_an_error_or_its_last_rest(tmp_path):
 
 def test_a_cascade_without_end_is_an_error_or_its_last_rest(tmp_path):
     """Two generations are asked for, more would follow: kept, the state is at rest with two of them."""
-    few = {"max_generations": 2, "weakest_first": 0.8}
+    few = {"max_generations": 2, "weakest_first": 0.8, "collapse": "error"}
     with pytest.raises(InputError, match="has not ended after 2 generations"):
         run("xz", tmp_path, host=HARDLY_SOFTER, force=36e6, steps=1, solver=few)
     keep = {**few, "collapse": "keep"}

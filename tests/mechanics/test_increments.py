@@ -1,6 +1,5 @@
 """Increments that follow their error: what a step then comes to, and that trying one leaves nothing behind."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -129,7 +128,7 @@ def test_an_increment_that_was_undone_leaves_nothing_behind(tmp_path, monkeypatc
 
 def increments_of(parts):
     """Increments that follow their error, of a step in so many parts."""
-    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False, parts=parts))
+    scene = SimpleNamespace(solver=SimpleNamespace(increments=0, move=False, parts=parts, max_overshoot=0.2))
     return Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), False)
 
 
@@ -170,7 +169,7 @@ def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
     """Against its slow twin, which lets it fail."""
     seen, let_fail = [], cascade.let_fail
 
-    def compare(scheme, brittle, fresh, step, history):
+    def compare(scheme, brittle, fresh, step, history, is_whole):
         if history.generation == 0 and len(fresh):
             body, kept = scheme.body, {name: np.copy(value) for name, value in vars(scheme.body.state).items()}
             expected = overshoot_of_next(body, brittle)
@@ -182,7 +181,7 @@ def test_what_would_fail_is_measured_without_change(tmp_path, monkeypatch):
             for name, value in kept.items():
                 if isinstance(getattr(body.state, name), np.ndarray):
                     getattr(body.state, name)[...] = value
-        let_fail(scheme, brittle, fresh, step, history)
+        let_fail(scheme, brittle, fresh, step, history, is_whole)
 
     monkeypatch.setattr(cascade, "let_fail", compare)
     step_of(tmp_path, increments=0, max_overshoot=0.3)

@@ -125,9 +125,8 @@ def test_nodes_that_stay_keep_value_and_force(seed, dimension, per_edge):
 def test_fallen_cells_stay_fallen_with_all_their_parts():
     grid = build_grid(np.zeros(2), 4.0, np.array([2, 2]), 3, lambda level, index: np.zeros(len(index), bool), 0)
     scene = make_scene("xz")
-    unsupported = Unsupported(
-        np.array([1], np.int32), np.array([ALL_SAMPLES]), np.array([0], np.int32), np.array([0], np.int32)
-    )
+    zero = np.zeros(1, np.int32)
+    unsupported = Unsupported(np.array([1], np.int32), np.array([ALL_SAMPLES]), zero, zero, zero)
     model = build_model(
         scene, grid, host_everywhere(grid), make_model(scene, grid).pieces, unsupported, all_fallen=True
     )

@@ -171,7 +171,9 @@ def test_a_scale_is_a_rock_with_strengths_so_scaled(law, scale, seed):
         strain = 60e9 * np.concatenate([overshoot, seismic])
         results.append((np.maximum(excess, 0.0), above, share, left, strain, rating, shear))
     for one, two in zip(*results, strict=True):
-        np.testing.assert_allclose(one.astype(float), two.astype(float), rtol=1e-6, atol=1e-9 * np.abs(two).max() + 1e-5)
+        np.testing.assert_allclose(
+            one.astype(float), two.astype(float), rtol=1e-6, atol=1e-9 * np.abs(two).max() + 1e-5
+        )
 
 
 def test_rock_fails_at_its_own_strength():

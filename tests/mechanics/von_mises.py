@@ -45,10 +45,6 @@ def strength_rows(material, axes):
     return np.array([material.yield_stress.intact]), np.array([material.yield_stress.residual])
 
 
-def cohesion(material):
-    return material.yield_stress.intact / math.sqrt(3.0)
-
-
 def overstress_of_tensor(tensor, row):
     deviator = tensor - np.trace(tensor) / 3.0 * np.eye(3)
     return math.sqrt(1.5 * np.sum(deviator**2)) - row[0]

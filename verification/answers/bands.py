@@ -32,7 +32,7 @@ TOLERANCE = 7.5  # Largest angle to a direction, degrees.
 
 @dataclass(frozen=True)
 class Failed:
-    """Failed rock of one run: place (k, 2) m; direction (band,) of the particles in bands, degrees from x; potency m3."""
+    """Failed rock of a run: place (k, 2) m; direction (band,) degrees from x of the particles in bands; potency m3."""
 
     place: NDArray
     direction: NDArray
@@ -53,7 +53,9 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             title = f"turned by {turn:g} degrees, {kind}: bands along the grid over their mirror images"
             bound = allowed["ratio"] if kind == "varied" else None
             rows.append(Row.relative(title, 1.0, along / max(mirrored, 1), bound, f"{along} and {mirrored} particles"))
-    varied = {turn: np.array([run.potency for run in found]) for (turn, kind), found in runs.items() if kind == "varied"}
+    varied = {
+        turn: np.array([run.potency for run in found]) for (turn, kind), found in runs.items() if kind == "varied"
+    }
     every = np.mean([potency.mean() for potency in varied.values()])
     for turn, potency in varied.items():
         error = potency.std(ddof=1) / np.sqrt(len(potency))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from common.errors import InputError
 from common.quantities import parse_quantity
-from verification.studies import default_settings, merge, with_uniform_rock
+from verification.studies import default_settings, for_verification, merge
 from workflow import BASE
 from workflow.configuration import load
 from workflow.mine import Mine
@@ -109,7 +109,7 @@ class Settings:
             "grid": {"finest_cell": f"{(last - first) / case.across!r} m"},
         }
         default = default_settings()
-        return load(merge(default, with_uniform_rock(merge(scene, changes))), FILE, default)
+        return load(merge(default, for_verification(merge(scene, changes))), FILE, default)
 
     def numbers(self, case: Case, threads: int) -> dict:
         """The case as peers/stope.py describes it: SI numbers, lengths in cells."""

@@ -17,7 +17,7 @@ TERMS = {  # What counts in the calibrations of a case, by the name of the case.
     "all_terms": ("potency", "number", "places", "sizes"),
 }
 SAME_LAW = "same_law"  # Case of a record that the mine file's own values make.
-MEMBER = 10_001  # Number of the perturbation of every such record: no replicate has it.
+MEMBER = 10_001  # Realization of strength of every such record: no replicate has it.
 
 
 def other_hosts() -> dict[str, dict]:

@@ -15,7 +15,7 @@ from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
 from verification.scenes import value_of
-from verification.studies import default_settings, merge, with_uniform_rock
+from verification.studies import default_settings, for_verification, merge
 from workflow.configuration import load
 from workflow.run_mine import run_stages
 
@@ -70,7 +70,7 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
     failed.unlink(missing_ok=True)
     try:
         with _limit(seconds):
-            mine = load(merge(default_settings(), with_uniform_rock(values)), folder / "mine.yaml", default_settings())
+            mine = load(merge(default_settings(), for_verification(values)), folder / "mine.yaml", default_settings())
             for name, dataset, _ in run_stages(mine.run_slices(extracted_as=()), failed):
                 outcome.stored[name.removeprefix("steps/")] = dataset
         grid = outcome.stored["grid"]

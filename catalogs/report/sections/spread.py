@@ -45,6 +45,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "headline": headline(evidence),
         "rows": spread_rows(evidence),
         "members": int(runs.attrs["members"]),
+        "collapsed": int(runs.attrs["collapsed_members"]),
         "variability": percent(runs.attrs["variability"]),
         "cut": typeset(str(runs.attrs["cut_text"])),
     }

@@ -46,7 +46,10 @@ def section(evidence: Evidence, _: Gallery) -> list[Banner]:
 
 def banners(evidence: Evidence) -> list[Banner]:
     """Banners of the report, those that make the numbers invalid first; others by topic."""
-    found = [*_numbers(evidence), *_solids(evidence), *_loose(evidence), *_notes(evidence)]
+    found = [
+        *_collapse(evidence), *_numbers(evidence), *_solids(evidence), *_falls(evidence), *_loose(evidence),
+        *_notes(evidence),
+    ]  # fmt: skip
     return sorted(found, key=lambda one: not one.invalid)
 
 
@@ -171,9 +174,52 @@ def _cells_of(size: str) -> Advice | None:
     return Advice("Compute the mine again with cells that fit its openings:", f"grid.finest_cell: {size} m")
 
 
+def _steps(evidence: Evidence) -> list[dict]:
+    """Attributes of the steps, or of the stages where none is listed."""
+    return evidence.steps or [stage.attrs for stage in evidence.stages]
+
+
+def _collapse(evidence: Evidence) -> Iterator[Banner]:
+    """The first step in which rock found no equilibrium: what follows is not computed."""
+    collapsed = [step for step in _steps(evidence) if int(step.get("collapsed", 0))]
+    if not collapsed:
+        return
+    first, after = collapsed[0], collapsed[1:]
+    text = f"Rock found no equilibrium in step {first['step']}: {first['collapse']}. "
+    text += "What is shown of this step is its last equilibrium"
+    text += f"; {plural(len(after), 'later step')} {'is' if len(after) == 1 else 'are'} not computed." if after else "."
+    brief = f"the mine finds no equilibrium in {first['step']}, and all after that is missing"
+    mend = Advice("See docs/how-to/loose-rock.md: mine this step in parts, fill earlier, or check residual strength.")
+    yield Banner("truncated", text, brief, mend, invalid=True)
+
+
+def _falls(evidence: Evidence) -> Iterator[Banner]:
+    """Rock that came loose as it failed, by step."""
+    for step in _steps(evidence):
+        pieces = json.loads(step.get("falls", "[]"))
+        if not pieces:
+            continue
+        total, falls = sum(piece["volume"] for piece in pieces), len({piece["fall"] for piece in pieces})
+        named = "; ".join(_fall_text(piece) for piece in pieces[:MAX_NAMED])
+        more = f"; and {len(pieces) - MAX_NAMED} smaller pieces" if len(pieces) > MAX_NAMED else ""
+        text = f"Rock fell in step {step['step']}: {number(total)} m³ in {plural(falls, 'fall')}: {named}{more}. "
+        text += "It came loose as it failed, makes no event, and counts as excavated from then on."
+        largest = pieces[0]
+        where = f"from the {largest['side']} of {largest['opening']}" if largest["opening"] else "from the rock"
+        brief = f"{number(total)} m³ fell in {step['step']}, most of it {where}"
+        yield Banner("note", text, brief, Advice("See docs/how-to/loose-rock.md for what decides a fall."))
+
+
+def _fall_text(piece: dict) -> str:
+    """Volume, opening and place of a piece that fell."""
+    names, place = ", ".join(piece["place"]), ", ".join(f"{along:.1f}" for along in piece["place"].values())
+    source = f" from the {piece['side']} of {piece['opening']}" if piece["opening"] else ""
+    return f"{number(piece['volume'])} m³{source} at ({names}) = ({place}) m"
+
+
 def _loose(evidence: Evidence) -> Iterator[Banner]:
     """Rock that nothing holds; pieces smaller than a finest cell are worth a note."""
-    for step in evidence.steps or [stage.attrs for stage in evidence.stages]:
+    for step in _steps(evidence):
         if not int(step.get("loose_pieces", 0)):
             continue
         text = f"Unsupported rock in step {step['step']}: {plural(int(step['loose_pieces']), 'piece')}, "

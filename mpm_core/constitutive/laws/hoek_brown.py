@@ -196,7 +196,6 @@ def strength_rows(material: Material, axes: tuple[int, int, int]) -> tuple[np.nd
     return _row(material, "intact"), _row(material, "residual")
 
 
-
 def overstress_of_tensor(tensor: np.ndarray, row: np.ndarray) -> float:
     """`overstress` of a stress (3, 3) Pa, by numpy."""
     s3, _, s1 = np.linalg.eigvalsh(tensor)

@@ -138,7 +138,6 @@ def plane_normal(material: Material) -> np.ndarray:
     return material.planes.normal
 
 
-
 def overstress_of_tensor(tensor: np.ndarray, row: np.ndarray) -> float:
     """`overstress` of a stress (3, 3) Pa, by numpy."""
     normal = row[[NX, NY, NZ]]

@@ -1,0 +1,230 @@
+"""Rock that comes loose falls: the skin of rock between a drive and a stope, both mined in one step."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from common.errors import InputError
+from mechanics.killed import Killed, KilledAfter
+from mechanics.scenes import COULOMB, box, excavation, grid_around, make_dataset, make_scene
+from mpm_core.equilibrium import falls
+from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.model.occupancy import ALL_SAMPLES, Changes, Unsupported
+from mpm_core.model.unsupported import coming_loose
+from mpm_core.stages import step_subdomain
+from mpm_core.stages.checkpoint import Checkpoint
+from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+
+LOOSE = COULOMB | {
+    "cohesion": {"intact": 1.2e6, "residual": 0.0},
+    "tension_cutoff": {"intact": 1e6, "residual": 0.0},
+    "friction_angle": {"intact": 30.0, "residual": 20.0},
+}
+SHALLOW = {
+    "constant": [-0.1e6, 0.0, 0.0, 0.0, 0.0, 0.0],
+    "gradient": [-0.004e6, -0.010e6, -0.0278e6, 0.0, 0.0, 0.0],
+}
+DRIVE, STOPE, FILLED = box([30.0, 51.25], [50.0, 56.25]), box([30.0, 40.0], [50.0, 50.0]), box([5.0, 5.0], [10.0, 10.0])
+
+
+def mine(tmp_path, steps=2, host=LOOSE, **changes):
+    """Scene up to a step, grid and state before the last of these, in which drive and stope are mined in step 1."""
+    shapes = [DRIVE, STOPE, FILLED]
+    excavations = [
+        excavation(1, name="drive"),
+        excavation(1, "fill" if steps > 2 else None, 2 if steps > 2 else -1, name="stope"),
+        excavation(2 if steps > 2 else -1, name="later"),
+    ]
+    scene = make_scene(
+        "xz",
+        host=host,
+        stress=SHALLOW,
+        surface=170.0,
+        excavations=excavations,
+        steps=steps,
+        solver={"scheme": "multigrid", "tolerance": 1e-3, "increments": 1, "collapse": "fall"} | changes,
+    )
+    grid = make_dataset(scene, grid_around(shapes, [8, 10], 4, 10.0, rings=4), shapes)
+    return scene, grid
+
+
+def first_steps(tmp_path, count=2, **changes):
+    """States and facts of the first steps."""
+    found = []
+    scene, grid = mine(tmp_path, max(count, 2), **changes)
+    state, _ = elastic_stage(replace(scene, steps=scene.steps[:1], excavations=_until(scene, 0)), grid, tmp_path / "f")
+    for last in range(count):
+        own = replace(scene, steps=scene.steps[: last + 1], excavations=_until(scene, last))
+        state, facts = mining_step(own, grid, state, tmp_path / "failed.npz")
+        found.append((state, facts))
+    return scene, grid, found
+
+
+def _until(scene, last):
+    return tuple(
+        replace(
+            one,
+            mined=one.mined if one.mined <= last else -1,
+            fill=one.fill if -1 < one.filled <= last else None,
+            filled=one.filled if one.filled <= last else -1,
+        )
+        for one in scene.excavations
+    )
+
+
+@pytest.fixture(scope="module")
+def fallen(tmp_path_factory):
+    return first_steps(tmp_path_factory.mktemp("falls"))
+
+
+def test_the_back_of_the_drive_falls_and_the_step_comes_to_rest(fallen):
+    _, _, found = fallen
+    state, facts = found[1]
+    pieces = json.loads(facts["falls"])
+    assert facts["collapsed"] == 0
+    assert facts["collapse"] == ""
+    assert facts["unbalanced_ratio"] <= 1e-3
+    assert 5.0 < sum(piece["volume"] for piece in pieces) < 300.0
+    assert [piece["volume"] for piece in pieces] == sorted((piece["volume"] for piece in pieces), reverse=True)
+    largest = pieces[0]
+    assert (largest["opening"], largest["side"]) == ("drive", "back")
+    assert 30.0 < largest["place"]["x"] < 50.0
+    assert 50.0 < largest["place"]["z"] < 75.0
+
+
+def test_what_has_fallen_is_gone_and_is_no_event(fallen):
+    _, grid, found = fallen
+    state, facts = found[1]
+    gone = np.isin(state.cell.values, state.loose_cell.values[state.loose_fall.values > 0])
+    assert gone.any()
+    rock = state.excavation.values < 0
+    assert (state.volume.values[gone & rock] == 0.0).all()
+    assert (state.stress.values[gone & rock] == 0.0).all()
+    here = (state.failed.values == 1) & (state.volume.values > 0.0)
+    assert facts["failed_volume"] == pytest.approx(state.volume.values[here].sum())
+    volume = sum(piece["volume"] for piece in json.loads(facts["falls"]))
+    before = found[0][0].volume.values[found[0][0].excavation.values < 0].sum()
+    mined = 20.0 * 5.0 + 20.0 * 10.0
+    assert before - state.volume.values[rock].sum() == pytest.approx(mined + volume, rel=1e-9)
+
+
+def test_energy_is_balanced_to_round_off_through_falls(fallen):
+    _, _, found = fallen
+    assert json.loads(found[1][1]["falls"])
+    assert found[1][1]["energy_left_share"] < 1e-9
+
+
+def test_without_falls_it_is_an_error_or_the_last_equilibrium(tmp_path):
+    with pytest.raises(InputError, match=r"runs away|no convergence"):
+        first_steps(tmp_path, collapse="error")
+    state, facts = first_steps(tmp_path, collapse="keep")[2][1]
+    assert facts["collapsed"] == 1
+    assert "[]" in facts["falls"]
+    assert facts["collapse"]
+
+
+def test_rock_that_stands_is_the_same_to_the_bit_with_falls_allowed(tmp_path):
+    """A residual cohesion holds all of it."""
+    held = LOOSE | {"cohesion": {"intact": 1.2e6, "residual": 0.3e6}}
+    one, other = (first_steps(tmp_path, host=held, collapse=mode)[2][1] for mode in ("fall", "error"))
+    assert one[1]["falls"] == "[]"
+    assert one[1]["failed_particles"] == other[1]["failed_particles"] > 0
+    for name in ("stress", "failed", "failure_order", "node_displacement", "seismic_strain", "later_strain"):
+        assert np.array_equal(one[0][name].values, other[0][name].values), name
+
+
+def test_later_steps_keep_what_has_fallen(tmp_path):
+    """The stope is filled and another opening mined: what fell stays gone, and no fill is where it was."""
+    _, _, found = first_steps(tmp_path, count=3)
+    before, after = found[1][0], found[2][0]
+    assert json.loads(found[2][1]["falls"]) == []
+    fell = before.loose_fall.values > 0
+    assert np.array_equal(after.loose_cell.values[: len(fell)], before.loose_cell.values)
+    gone = np.isin(after.cell.values, before.loose_cell.values[fell])
+    assert (after.volume.values[gone] == 0.0).all()
+    assert (after.failed.values[: before.sizes["particle"]][before.failed.values == 1] == 1).all()
+
+
+def test_killed_after_a_fall_it_goes_on_to_the_same_bytes(tmp_path):
+    scene, grid, found = first_steps(tmp_path)
+    whole, facts = found[1]
+    assert json.loads(facts["falls"])
+    resumed_with_fall = 0
+    for saves in (1, 3, 6, 12, 20):
+        path = tmp_path / f"{saves}.npz"
+        dying = KilledAfter(path, "key", pause=0.0)
+        dying.left = saves
+        try:
+            mining_step(scene, grid, found[0][0], tmp_path / "failed.npz", dying)
+        except Killed:
+            with np.load(path) as saved:
+                resumed_with_fall += len(saved["fallen_cell"]) > 0
+            state, again = mining_step(scene, grid, found[0][0], tmp_path / "failed.npz", Checkpoint(path, "key"))
+            assert again == facts
+            assert all(np.array_equal(whole[name].values, state[name].values) for name in whole)
+    assert resumed_with_fall
+
+
+def test_a_mine_that_falls_on_is_caving_and_ends_there(tmp_path, monkeypatch):
+    """No fall is allowed: the last equilibrium, and a step after it that is not computed."""
+    monkeypatch.setattr("mpm_core.stages.step_cells.MAX_FALLS", 0)
+    _, _, found = first_steps(tmp_path, count=3)
+    (state, facts), (after, not_computed) = found[1:]
+    assert (facts["collapsed"], facts["computed"]) == (1, 1)
+    assert facts["unbalanced_ratio"] <= 3e-3
+    assert (after.attrs["collapsed"], after.attrs["computed"], after.attrs["step_index"]) == (1, 0, 2)
+    assert not_computed["failed_particles"] == 0
+    assert (after.failed.values != 2).all()
+    assert np.array_equal(after.stress.values, state.stress.values)
+
+
+def test_in_the_subdomain_of_a_step_the_same_rock_falls(tmp_path, monkeypatch, fallen):
+    monkeypatch.setattr(step_subdomain, "MIN_MINE_CELLS", 0)
+    monkeypatch.setattr(step_subdomain, "MAX_SUBDOMAIN_SHARE", 1.0)
+    _, facts = first_steps(tmp_path)[2][1]
+    one, other = (sum(piece["volume"] for piece in json.loads(each["falls"])) for each in (facts, fallen[2][1][1]))
+    assert facts["collapsed"] == 0
+    assert one == pytest.approx(other, rel=0.5)
+    assert facts["energy_left_share"] < 1e-9
+
+
+@pytest.mark.parametrize("limit", [0.02, 0.2])
+def test_the_least_motion_of_a_fall_hardly_matters(tmp_path, monkeypatch, fallen, limit):
+    monkeypatch.setattr(falls, "MIN_FALL", limit)
+    _, facts = first_steps(tmp_path)[2][1]
+    one, other = (sum(piece["volume"] for piece in json.loads(each["falls"])) for each in (facts, fallen[2][1][1]))
+    assert facts["collapsed"] == 0
+    assert one == pytest.approx(other, rel=0.5)
+
+
+def lattice(shape) -> MultiLevelGrid:
+    return grid_around([], shape, 1, 1.0)
+
+
+def test_pieces_that_only_loose_rock_holds_fall_with_it():
+    """A column of three cells below the roof, of which the upper one is loose: all three; the wall beside stands."""
+    grid = lattice([4, 4])
+    index = {tuple(at): number for number, at in enumerate(grid.cell_index // grid.cell_width[:, None])}
+    void = [index[x, z] for x in (0, 2, 3) for z in (0, 1, 2)]
+    changes = Changes(
+        np.array(void, np.int32),
+        np.full(len(void), -1, np.int16),
+        np.zeros(len(void), np.int32),
+        np.full(len(void), ALL_SAMPLES),
+    )
+    faces = {(1, 1): [0, 1]}
+    found = coming_loose(grid, changes, faces, np.array([index[1, 2]]), 0)
+    assert sorted(found.cell.tolist()) == sorted([index[1, 0], index[1, 1], index[1, 2]])
+    assert (found.piece == 0).all()
+    assert (found.fall == 1).all()
+    alone = coming_loose(grid, changes, faces, np.array([index[1, 0]]), 0)
+    assert alone.cell.tolist() == [index[1, 0]]
+    assert isinstance(found, Unsupported)
+
+
+def test_time_steps_find_falls_too(tmp_path):
+    _, facts = first_steps(tmp_path, scheme="explicit")[2][1]
+    assert facts["collapsed"] == 0
+    assert json.loads(facts["falls"])[0]["opening"] == "drive"
