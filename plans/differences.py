@@ -4,7 +4,7 @@ The ratio r of the mean totals of two plans is uncertain for three reasons, and 
 the cells (the change of the ratio on cells of twice the size) and the rock (its scatter over draws of a posterior). On
 each side of the ratio the distances to their ends are added in quadrature (Zou and Donner 2008).
 
-**Chance.** Runs of one number have the same random strength, so runs come in pairs of sums a_i and b_i. The interval holds
+**Chance.** Runs of one number have the same random strength, so they come in pairs of sums a_i, b_i. The interval holds
 each r for which the differences a_i - r b_i have a mean that Student's t does not tell from 0 (Fieller 1954). If both
 plans are one, a_i - b_i is as likely as b_i - a_i, whatever clusters and heavy tails the sums have and whatever the
 pairs have in common, so that t rejects r = 1 about as often as it states. Few runs may agree by chance: each sum varies

@@ -219,8 +219,8 @@ class MineSettings(Settings):
     almost no whole cells then; tolerances three times as large; an allowed overshoot twice as large. `fine`: cells of
     half the size, an allowed overshoot half as large."""
     ensemble: whole_number(ge=0, le=1000) = 0
-    """Number of runs in addition to the mine's own run, each with another random strength. Each takes as long. They show
-    how much chance changes the catalogue."""
+    """Number of runs in addition to the mine's own run, each with another random strength. Each takes as long. They
+    show how much chance changes the catalogue."""
     grid_convergence: bool = None
     """Whether the mine is also run on cells of twice the size, so that the report can state how uncertain the cells
     leave its numbers. Default: true in 3-D if steps have dates. A draft has no such run."""

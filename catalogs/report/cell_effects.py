@@ -91,7 +91,7 @@ def _losses(evidence: Evidence, coarse: str, thickness: float) -> str:
     table = evidence.grid_convergence
     left_out, narrow = (json.loads(table.attrs[name]) for name in ("left_out", "narrow"))
     if table.attrs["collapsed"]:
-        return f"one of both runs found no equilibrium"
+        return "one of both runs found no equilibrium"
     if doubled_cells_tell(thickness, bool(left_out or narrow)):
         return ""
     if narrow:

@@ -287,8 +287,8 @@ def run_cascade(
                     break
                 history.tightened += 1
         except NoEquilibrium as error:
-            if not history.last_equilibrium or not (history.has_failures or len(error.loose)):
-                raise
+            if not history.last_equilibrium or not (len(scheme.body.flowing) or len(error.loose)):
+                raise  # no rock has failed: it is not rock that has no equilibrium
             logging.info("no equilibrium: %s", error)
             scheme.go_back(history.last_equilibrium)
             if history.generation == 0 and history.load > history.load_before:  # nothing failed since the one before

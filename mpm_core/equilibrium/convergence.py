@@ -83,11 +83,6 @@ class History:
         pace = np.log(first / ratio) / max(time.perf_counter() - began, 1e-9)
         return f", equilibrium in about {np.log(ratio / self.tolerance) / pace:.0f} s"
 
-    @property
-    def has_failures(self) -> bool:
-        """True if rock has failed in this stage."""
-        return any(row[-1] for row in self.rows)
-
     def failures(self, count: int) -> None:
         """Note how many particles failed after the latest check."""
         *row, _ = self.rows[-1]

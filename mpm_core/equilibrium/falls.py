@@ -7,14 +7,13 @@ equilibrium. Time steps show it: what nothing holds gathers speed, all other roc
 Rock that moves to the side or up without rest has no weight that drives it out of the way. That is no fall.
 """
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from mpm_core.equilibrium.convergence import NoEquilibrium
-
-if TYPE_CHECKING:
-    from mpm_core.equilibrium.body import Body
+from mpm_core.model.model import Model
+from mpm_core.model.state import State
 
 # Failed rock that has moved down by more than this since the last equilibrium, m, and still gathers speed, is loose.
 MIN_FALL = 0.05
@@ -25,10 +24,21 @@ DOWNWARD = 0.5  # Motion is downward if its downward part is more than this shar
 MAX_FALLS = 20  # More falls in one step are caving.
 
 
+class MovedBody(Protocol):
+    """The attributes of a body (body.Body) by which loose rock is found."""
+
+    model: Model
+    state: State
+    volume: np.ndarray
+    attached: np.ndarray
+    flowing: np.ndarray
+    rest: np.ndarray
+
+
 class FallWatch:
     """Looks for rock that falls in a relaxation that does not end."""
 
-    def __init__(self, body: "Body"):
+    def __init__(self, body: MovedBody):
         self.body, self.largest = body, 0.0
 
     def look(self, ratio: float) -> None:
@@ -41,7 +51,7 @@ class FallWatch:
             )
 
 
-def downward_motion(body: "Body") -> np.ndarray:
+def downward_motion(body: MovedBody) -> np.ndarray:
     """Motion down (node,) m since the last equilibrium of the mine; 0 where that is not mainly down, or nothing is."""
     scene, axes = body.model.scene, body.model.scene.axes
     if 2 not in axes or scene.insitu.weightless or scene.solver.move or scene.solver.collapse != "fall":
@@ -51,13 +61,13 @@ def downward_motion(body: "Body") -> np.ndarray:
     return np.where(body.attached & (down > DOWNWARD * np.sqrt(np.sum(moved**2, axis=1))), down, 0.0)
 
 
-def largest_of_failed(body: "Body", motion: np.ndarray) -> float:
+def largest_of_failed(body: MovedBody, motion: np.ndarray) -> float:
     """Largest motion (node,) m at the corners of cells of failed rock."""
     cells = body.model.particles.cell[body.flowing]
     return float(motion[body.model.cell_nodes[cells]].max(initial=0.0))
 
 
-def loose_rock(body: "Body") -> np.ndarray:
+def loose_rock(body: MovedBody) -> np.ndarray:
     """Loose rock (k,), particle indices: failed rock at a corner of whose cell the motion down is more than MOVES_ALONG
     of the largest, and intact rock all of whose corners move so. None if no failed rock has moved so far."""
     model, motion = body.model, downward_motion(body)

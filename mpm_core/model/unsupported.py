@@ -15,7 +15,6 @@ Base cells full of material count as a whole, so that what this costs depends on
 
 import logging
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # imports its parts as they are used, which small stages would wait for
@@ -24,14 +23,9 @@ from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.distorted_cells import DistortedCells
 from mpm_core.grid.mesh import CORNER_OFFSETS, MultiLevelGrid
-from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, ROCK_OWNER, Changes, Unsupported
+from mpm_core.model.occupancy import ALL_SAMPLES, NO_SAMPLES, Unsupported
 from mpm_core.model.rigid_motions import free_motions
 
-if TYPE_CHECKING:
-    from mpm_core.model.model import Model
-
-SIDES = ("back", "floor", "wall")  # of an opening
-MIN_UPRIGHT = 0.5  # Rock is at the back or floor if this share of its distance from the opening is upright.
 MAX_PIECES_LOGGED = 20  # The log lists this many unsupported pieces, the largest first.
 
 
@@ -223,86 +217,6 @@ def find_unsupported(
         cell[chosen].astype(np.int32), samples[chosen], np.full(len(chosen), step, np.int32),
         rank[piece[chosen]].astype(np.int32), np.zeros(len(chosen), np.int32),
     )  # fmt: skip
-
-
-def coming_loose(
-    grid: MultiLevelGrid, changes: Changes, faces: dict[tuple[int, int], list[int]], cells: np.ndarray, step: int
-) -> Unsupported:
-    """All rock of cells (k,) that comes loose in a step, and the pieces that only it holds, as fall 1: each piece that
-    hangs together by faces of cells has a number, the one with most cells first. faces: see find_unsupported."""
-    solid, rock = (of(len(grid.cell_level), step) for of in (changes.solid_samples, changes.rock_samples))
-    samples = rock[cells]
-    solid[cells] &= ~samples
-    unheld = find_unsupported(grid, solid, faces, step)
-    cell, samples = np.append(cells, unheld.cell), np.append(samples, unheld.samples)
-    number = np.full(len(grid.cell_level), -1)
-    number[cell] = np.arange(len(cell))
-    start, other = face_neighbors(grid, cell)
-    own = np.repeat(number, np.diff(start))
-    linked = number[other] >= 0
-    graph = scipy.sparse.coo_array(
-        (np.ones(linked.sum(), np.int8), (own[linked], number[other[linked]])), shape=(len(cell), len(cell))
-    )
-    piece = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
-    piece = np.argsort(np.argsort(-np.bincount(piece), kind="stable"))[piece]
-    kind = np.int32
-    return Unsupported(
-        cell.astype(kind), samples, np.full(len(cell), step, kind), piece.astype(kind), np.ones(len(cell), kind)
-    )
-
-
-def part_volumes(model: "Model", parts: Unsupported) -> np.ndarray:
-    """Volume (part,) m3 (m2 in 2-D) of parts of a model's cells."""
-    grid = model.grid
-    return (
-        model.particles.distorted.part_volumes(parts.cell, parts.samples) * grid.cell_size[parts.cell] ** grid.dimension
-    )
-
-
-def mined_volume(model: "Model", step: int) -> float:
-    """Volume of rock that a step mines, without what falls, m3 (m2 in 2-D); of one that mines none, of all before."""
-    changes, grid = model.changes, model.grid
-    of_rock = np.flatnonzero((changes.owner == ROCK_OWNER) & (changes.step <= step))
-    cell = changes.cell[of_rock]
-    volume = (
-        model.particles.distorted.part_volumes(cell, changes.samples[of_rock]) * grid.cell_size[cell] ** grid.dimension
-    )
-    falls = model.unsupported.of(model.unsupported.fall > 0)
-    fallen = part_volumes(model, falls)
-    now = float(volume[changes.step[of_rock] == step].sum() - fallen[falls.step == step].sum())
-    return now if now > 0.0 else float(volume.sum() - fallen.sum())
-
-
-def describe_falls(model: "Model", step: int) -> list[dict]:
-    """What fell in a step as it failed, a piece each, largest first: its fall, volume m3, place m of its centre in the
-    mine's axes, the nearest opening, and at which side of that it was (SIDES)."""
-    grid, scene = model.grid, model.scene
-    fallen = model.unsupported.of(model.unsupported.falls_in(step))
-    volume, center = part_volumes(model, fallen) * scene.thickness, grid.cell_center[fallen.cell]
-    mined = np.array([0 <= excavation.mined <= step for excavation in scene.excavations] or [False])
-    open_pieces = model.pieces.of(mined[model.pieces.excavation] if len(model.pieces.cell) else np.zeros(0, bool))
-    found = []
-    for piece in np.unique(fallen.piece):
-        own = np.flatnonzero(fallen.piece == piece)
-        size = volume[own].sum()
-        place = volume[own] @ center[own] / size if size > 0.0 else center[own].mean(axis=0)
-        entry = {
-            "fall": int(fallen.fall[own[0]]),
-            "volume": float(size),
-            "place": {"xyz"[axis]: float(along) for axis, along in zip(scene.axes, place, strict=True)},
-            "opening": "",
-            "side": "",
-        }
-        if len(open_pieces.cell):
-            away = center[own][:, None] - grid.cell_center[open_pieces.cell]
-            nearest = np.argmin(np.sum(away**2, axis=2), axis=1)
-            names, count = np.unique(open_pieces.excavation[nearest], return_counts=True)
-            entry["opening"] = scene.excavations[names[count.argmax()]].name
-            toward = away[np.arange(len(own)), nearest]
-            up = float(toward[:, scene.axes.index(2)].sum() / max(np.sqrt(np.sum(toward**2, axis=1)).sum(), 1e-300))
-            entry["side"] = SIDES[0] if up > MIN_UPRIGHT else SIDES[1] if up < -MIN_UPRIGHT else SIDES[2]
-        found.append(entry)
-    return sorted(found, key=lambda entry: -entry["volume"])
 
 
 def describe_unsupported(

@@ -22,10 +22,11 @@ from mpm_core.equilibrium.increments import overshoot_share
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.files.state_datasets import read_grid, state_dataset
 from mpm_core.kernels.failure import make_rate_strength
+from mpm_core.model.fallen_rock import describe_falls
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import Unsupported
 from mpm_core.model.state import State
-from mpm_core.model.unsupported import describe_falls, describe_unsupported
+from mpm_core.model.unsupported import describe_unsupported
 from mpm_core.scene.scene import FACES, Scene
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.external_forces import boundary_strain, external_force, load_size

@@ -23,11 +23,11 @@ from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.kernels.energy_sums import stored_energy
+from mpm_core.model.fallen_rock import coming_loose, mined_volume, part_volumes
 from mpm_core.model.model import Model, held_faces
 from mpm_core.model.occupancy import Unsupported
 from mpm_core.model.particles import bending_stiffness
 from mpm_core.model.state import REFINED, State
-from mpm_core.model.unsupported import coming_loose, mined_volume, part_volumes
 from mpm_core.stages.external_forces import boundary_strain, external_force, load_size, reference_force
 from mpm_core.stages.ground import Ground
 from mpm_core.stages.stage_memory import require_cells

@@ -226,6 +226,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
             "mine": "testmine", "stage": "step" if index >= 0 else "elastic", "step": name, "step_index": index,
             "tolerance": 1e-5, "scheme": "multigrid", "iterations": 24,
             "unbalanced_ratio": 9e-6, "truncated": int(truncated), "truncated_share": 0.034 * truncated,
+            "collapsed": 0, "collapse": "", "falls": "[]",
             "loose_pieces": 3 * truncated, "loose_volume": 1.2 * truncated,
             "loose_where": "largest 0.7 m3 at (x, y, z) = (10052.0, 20051.5, -1020.2) m" if truncated else "",
             "truncated_where": "x 10050 to 10070, y 20050 to 20060, z -1030 to -1010 m" if truncated else "",

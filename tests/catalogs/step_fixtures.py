@@ -19,6 +19,7 @@ def step(name: str, share: float, month: int) -> dict:
         "end": f"2019-{month + 1:02d}-01T00:00:00Z",
         "truncated": int(share > 0),
         "truncated_share": share,
+        "collapsed": 0,
         "truncated_where": f"x 0 to {month} m; more grid.buffer_cells would let it fail" if share else "",
     }
 

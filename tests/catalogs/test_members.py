@@ -41,6 +41,15 @@ def test_a_member_is_read_as_one_catalogue_of_its_dated_steps(tmp_path):
         read_members([folder], ["october"], "demo")
 
 
+def test_a_member_that_has_collapsed_is_left_out(tmp_path):
+    folders = [write_member(tmp_path / str(k), made_up_catalog(150, seed=k)) for k in (1, 2)]
+    lost = folders[0] / "events" / "september.nc"
+    write_events(read_dataset(lost).assign_attrs(collapsed=1), lost)
+    (left,) = read_members(folders, ["august", "september"], "demo")
+    (other,) = read_members(folders[1:], ["august", "september"], "demo")
+    assert left.identical(other)
+
+
 def test_a_member_too_few_or_of_another_mine_is_refused():
     catalog = made_up_catalog(50)
     with pytest.raises(InputError, match="comparison: 1 members are given, and the ensemble has 2"):

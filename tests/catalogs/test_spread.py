@@ -15,7 +15,7 @@ from common.errors import InputError
 from common.event_table import new_catalog, write_events
 
 STEPS = ["2019-08", "2019-09"]
-SETTINGS = {"mine": "testmine", "members": 2, "largest_overstress": 0.03, "steps": STEPS}
+SETTINGS = {"mine": "testmine", "members": 2, "variability": 0.1, "steps": STEPS}
 CATALOG = xr.Dataset(attrs={"potency_floor": 1e-3})
 
 
@@ -58,6 +58,18 @@ def test_statistics_are_of_the_members_alone(runs):
     found = gather(runs, CATALOG, None, SETTINGS)["potency_statistics"]
     np.testing.assert_allclose(found.sel(period="all"), [7.0, np.sqrt(2.0), 6.0, 8.0])
     np.testing.assert_allclose(found.sel(period="2019-09"), [1.0, 0.0, 1.0, 1.0])
+
+
+def test_members_that_have_collapsed_are_left_out_and_counted(runs):
+    path = runs[1] / "steps" / "2019-09.nc"
+    write_dataset(read_dataset(path).assign_attrs(collapsed=1), path)
+    found = gather(runs, CATALOG, None, SETTINGS)
+    assert (found.attrs["members"], found.attrs["collapsed_members"]) == (1, 1)
+    np.testing.assert_allclose(found["potency"], [[3, 1, 4], [7, 1, 8]])
+    path = runs[2] / "steps" / "2019-09.nc"
+    write_dataset(read_dataset(path).assign_attrs(collapsed=1), path)
+    with pytest.raises(InputError, match="all 2 members ended in collapse"):
+        gather(runs, CATALOG, None, SETTINGS)
 
 
 def test_statistics_leave_out_what_is_not_known():
@@ -136,8 +148,8 @@ def test_the_report_shows_the_spread_in_its_section(mine, tmp_path):
     section = text[text.index('<section id="spread">') : text.index('<section id="truncated">')]
     assert (tmp_path / "figures/spread.svg").stat().st_size > 10_000
     assert "figures/spread.svg" in section
-    assert "strength is larger by up to 3.0 % of the cohesion" in section
-    assert "In 3 perturbed members of the ensemble" in section
+    assert "strength varies from place to place by 10 %" in section
+    assert "In 3 members of the ensemble" in section
     assert "141 to 147 events are of enough particles (here 150)" in section
     _, _, least, largest = found["potency_statistics"].sel(period="all").values
     assert f"{least:.3g} to {largest:.3g} m³" in section

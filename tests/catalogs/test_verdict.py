@@ -428,3 +428,23 @@ def test_every_warning_of_the_first_page_is_short_and_has_a_remedy(known):
         assert not one.brief[0].isupper(), one.brief
         assert not one.brief.endswith("."), one.brief
     assert not [one for one in banners(known) if one.brief]
+
+
+def test_falls_and_collapse_are_named_with_volume_opening_and_step(known):
+    def with_attributes(**attributes):
+        stages = [stage.copy() for stage in known.stages]
+        stages[-1].attrs |= attributes
+        return replace(known, stages=stages)
+
+    pieces = [
+        {"fall": 1, "volume": 227.0, "place": {"x": 1.0, "y": 2.0, "z": 3.0}, "opening": "drive", "side": "back"},
+        {"fall": 2, "volume": 3.0, "place": {"x": 5.0, "y": 2.0, "z": 3.0}, "opening": "drive", "side": "wall"},
+    ]
+    (fall,) = [one for one in banners(with_attributes(falls=json.dumps(pieces))) if one.brief]
+    step = known.stages[-1].attrs["step"]
+    assert fall.brief == f"230 m³ fell in {step}, most of it from the back of drive"
+    assert f"Rock fell in step {step}: 230 m³ in 2 falls: 227 m³ from the back of drive at (x, y, z)" in fall.text
+    assert not fall.invalid
+    (lost,) = [one for one in banners(with_attributes(collapsed=1, collapse="rock moved")) if one.brief]
+    assert lost.invalid
+    assert f"Rock found no equilibrium in step {step}: rock moved" in lost.text

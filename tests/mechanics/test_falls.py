@@ -11,8 +11,8 @@ from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import COULOMB, box, excavation, grid_around, make_dataset, make_scene
 from mpm_core.equilibrium import falls
 from mpm_core.grid.mesh import MultiLevelGrid
+from mpm_core.model.fallen_rock import coming_loose
 from mpm_core.model.occupancy import ALL_SAMPLES, Changes, Unsupported
-from mpm_core.model.unsupported import coming_loose
 from mpm_core.stages import step_subdomain
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
@@ -81,7 +81,7 @@ def fallen(tmp_path_factory):
 
 def test_the_back_of_the_drive_falls_and_the_step_comes_to_rest(fallen):
     _, _, found = fallen
-    state, facts = found[1]
+    _, facts = found[1]
     pieces = json.loads(facts["falls"])
     assert facts["collapsed"] == 0
     assert facts["collapse"] == ""
@@ -95,7 +95,7 @@ def test_the_back_of_the_drive_falls_and_the_step_comes_to_rest(fallen):
 
 
 def test_what_has_fallen_is_gone_and_is_no_event(fallen):
-    _, grid, found = fallen
+    _, _, found = fallen
     state, facts = found[1]
     gone = np.isin(state.cell.values, state.loose_cell.values[state.loose_fall.values > 0])
     assert gone.any()
@@ -119,7 +119,7 @@ def test_energy_is_balanced_to_round_off_through_falls(fallen):
 def test_without_falls_it_is_an_error_or_the_last_equilibrium(tmp_path):
     with pytest.raises(InputError, match=r"runs away|no convergence"):
         first_steps(tmp_path, collapse="error")
-    state, facts = first_steps(tmp_path, collapse="keep")[2][1]
+    _, facts = first_steps(tmp_path, collapse="keep")[2][1]
     assert facts["collapsed"] == 1
     assert "[]" in facts["falls"]
     assert facts["collapse"]

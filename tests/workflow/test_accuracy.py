@@ -47,12 +47,6 @@ def test_cells_that_cannot_change_are_refused_with_what_would_let_them(refuse):
     assert line.startswith("accuracy: fine: halves the finest cells, but there are 12 sizes of cell, the most")
 
 
-def test_a_draft_of_an_ensemble_needs_increments_to_halve(refuse, accept):
-    line = refuse(TINY, accuracy="draft", ensemble=2, **{"solver.increments": 2})
-    assert "accuracy: draft has made 1 of solver.increments; set that to 3 or more, or set ensemble to 0" in line
-    assert accept(TINY, accuracy="draft", ensemble=2, **{"solver.increments": 3}).members == 2
-
-
 def test_a_finest_cell_is_that_of_standard(accept):
     standard, draft = (
         accept(TINY, **{"grid": {"finest_cell": "5 m", "buffer_cells": 1}, "accuracy": name})

@@ -288,11 +288,44 @@ def test_particles_that_move_need_explicit_steps(refuse):
 
 
 def test_an_ensemble_that_would_show_nothing_is_refused(refuse):
-    """No catalogue, rock that cannot fail, or all rock of a step taken out at once: the members would tell nothing."""
+    """No catalogue, rock that cannot fail, or rock that does not vary: the members would tell nothing."""
     undated = {"steps": TINY["steps"][:1], "excavations.1.step": "planned", "ensemble": 2}
     assert refuse(TINY, **undated).startswith("ensemble: no step has dates")
     assert refuse(TINY, ensemble=2, **{"materials.host": FILL}).startswith("ensemble: no rock can fail")
-    assert refuse(TINY, ensemble=2, **{"solver.increments": 1}).startswith("ensemble: members differ by the increments")
+    uniform = {"materials.host.variability": {"share": 0}}
+    assert refuse(TINY, ensemble=2, **uniform).startswith("ensemble: members differ by the random strength")
+
+
+def test_rock_that_loses_strength_varies_over_two_cells_unless_the_file_says_otherwise(accept, refuse):
+    def of(**changes):
+        return accept(TINY, **changes).settings.materials["host"].variability
+
+    assert (of().share, of().length) == (0.1, 2 * accept(TINY).finest_cell)
+    given = of(**{"materials.host.variability": {"length": "30 m"}})
+    assert (given.share, given.length) == (0.1, 30.0)
+    assert of(**{"materials.host.variability": {"share": 0}}).share == 0
+    assert "variability" not in accept(TINY).settings.materials["fill"].given()
+    short = refuse(TINY, **{"materials.host.variability": {"length": "1 m"}})
+    assert short.startswith("materials.host.variability.length: 1 m is less than two of the finest cells")
+    host = accept(TINY).settings.materials["host"]
+    plastic = {
+        f"materials.host.{name}": {"intact": getattr(host, name).intact, "residual": getattr(host, name).intact}
+        for name in ("friction_angle", "cohesion", "tension_cutoff", "dilation_angle")
+    }
+    plastic = {
+        key: {part: f"{value} {'deg' if 'angle' in key else 'Pa'}" for part, value in pair.items()}
+        for key, pair in plastic.items()
+    }
+    assert of(**plastic) is None
+    line = refuse(TINY, **plastic, **{"materials.host.variability": {"share": 0.1}})
+    assert line.startswith("materials.host.variability: rock that loses no strength when it fails has none")
+
+
+def test_the_companion_and_a_draft_have_the_rock_of_the_file(accept):
+    mine = accept(TINY)
+    length = mine.settings.materials["host"].variability.length
+    assert mine.coarser().settings.materials["host"].variability.length == length
+    assert accept(TINY, accuracy="draft").settings.materials["host"].variability.length == length
 
 
 def test_an_ensemble_leaves_every_slice_of_the_mine_as_it_was(accept):

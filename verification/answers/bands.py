@@ -24,6 +24,7 @@ TABLES = (
 )
 STEP = "mined"
 RIGHT_ANGLE, HALF_TURN = 90.0, 180.0
+RESAMPLINGS, SEED = 2000, 1
 MIN_NEIGHBOURS = 5  # Failed particles in the surroundings of one, without which it has no direction.
 MAX_FILLED_SHARE = 0.55  # A larger share of its surroundings that has failed is no band,
 MIN_ELONGATION = 3.0  # nor is a smaller ratio of the variances along and across.
@@ -49,20 +50,37 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             runs[turn, kind] = _runs(variant, settings["radius"])
     for (turn, kind), found in runs.items():
         if 2.0 * turn % RIGHT_ANGLE:  # at other turns the mirror images are the axes themselves
-            along, mirrored = (sum(near(run.direction, turned) for run in found) for turned in (0.0, 2.0 * turn))
+            counts = np.array([[near(run.direction, turned) for turned in (0.0, 2.0 * turn)] for run in found])
             title = f"turned by {turn:g} degrees, {kind}: bands along the grid over their mirror images"
             bound = allowed["ratio"] if kind == "varied" else None
-            rows.append(Row.relative(title, 1.0, along / max(mirrored, 1), bound, f"{along} and {mirrored} particles"))
+            rows.append(Row.relative(title, 1.0, _ratio(counts), bound, _resampled(counts)))
     varied = {
         turn: np.array([run.potency for run in found]) for (turn, kind), found in runs.items() if kind == "varied"
     }
     every = np.mean([potency.mean() for potency in varied.values()])
     for turn, potency in varied.items():
-        error = potency.std(ddof=1) / np.sqrt(len(potency))
-        title = f"turned by {turn:g} degrees: potency less the mean of all turns, standard errors"
-        told = f"{potency.mean():.3f} of {every:.3f} m3, standard deviation of the runs {potency.std(ddof=1):.3f} m3"
-        rows.append(Row.absolute(title, 0.0, float((potency.mean() - every) / error), allowed["potency"], told))
+        title = f"turned by {turn:g} degrees: mean potency less that of all turns, standard deviations of the runs"
+        told = f"{potency.mean():.3f} of {every:.3f} m3, standard deviation {potency.std(ddof=1):.3f} m3"
+        rows.append(
+            Row.absolute(title, 0.0, float((potency.mean() - every) / potency.std(ddof=1)), allowed["potency"], told)
+        )
     return rows, draw(runs, settings)
+
+
+def _ratio(counts: NDArray) -> float:
+    """Sum over runs (run, 2) of the first over that of the second."""
+    along, mirrored = counts.sum(axis=0)
+    return float(along / max(mirrored, 1))
+
+
+def _resampled(counts: NDArray) -> str:
+    """Numbers of particles, and the 90 % interval of the ratio over resampled runs, where there are several."""
+    told = f"{counts[:, 0].sum()} and {counts[:, 1].sum()} particles"
+    if len(counts) == 1:
+        return told
+    chosen = np.random.default_rng(SEED).integers(0, len(counts), (RESAMPLINGS, len(counts)))
+    low, high = np.quantile([_ratio(counts[one]) for one in chosen], [0.05, 0.95])
+    return f"{told} in {len(counts)} runs; 90 % interval over resampled runs {low:.2f} to {high:.2f}"
 
 
 def near(direction: NDArray, turned: float) -> int:

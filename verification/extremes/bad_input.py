@@ -120,7 +120,7 @@ FAULTS = [  # Key that is set, its value, how the line begins, what else it says
     ("loads", [DIRECTED | {"toward": [["0 m", "0 m", "0 m"]] * 2}], "loads.push.toward: ", "two different"),
     ("loads", [DIRECTED | {"toward": [["0 m", "0 m", "0 m"], ["0 m", "1 m"]]}], "loads.push.toward: ", "2 coordinates"),
     ("solver.weakest_first", 1.5, "solver.weakest_first: ", "1"),
-    ("solver.collapse", "forgive", "solver.collapse: ", "not one of error, keep"),
+    ("solver.collapse", "forgive", "solver.collapse: ", "not one of fall, error, keep"),
     ("loads", [DIRECTED | {"force": "-1 MN"}], "loads[0].force: ", "out of range"),
     ("loads", [DIRECTED | {"force": "1 m"}], "loads[0].force: ", "not convertible to N"),
     ("loads", [DIRECTED | {"step": "2019-13"}], "loads.push.step: ", "not one of the steps"),

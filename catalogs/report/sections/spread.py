@@ -83,7 +83,7 @@ def headline(evidence: Evidence) -> str:
     runs = evidence.spread.sel(period=ALL_STEPS)
     _, _, least, largest = runs["potency_statistics"].values
     _, _, fewest, most = runs["events_statistics"].values
-    members = plural(int(evidence.spread.attrs["members"]), "perturbed member")
+    members = plural(int(evidence.spread.attrs["members"]), "member")
     return (
         f"In {members} of the ensemble all events release {number(least)} to {number(largest)} m³ (here "
         f"{number(runs['potency'].values[0])}), and {whole(fewest)} to {whole(most)} events are of enough particles "

@@ -91,6 +91,7 @@ def synthetic_step(
             "material_names": json.dumps(["host"]),
             "elastic_moduli": json.dumps({"host": [LAME_LAMBDA, SHEAR_MODULUS]}),
             "truncated": 0,
+            "collapsed": 0,
             "truncated_share": 0.0,
             "truncated_where": "",
         },
