@@ -50,7 +50,7 @@ def _with_record(job: Job, catalog):
     dated = [one["name"] for one in settings["steps"]]
     folders = [path.parent for path in job.paths("members")]
     members = read_members(folders, dated, catalog.attrs["mine"])
-    settings = settings | {"members": len(members)} if members else {k: v for k, v in settings.items() if k != "members"}
+    settings = settings | {"members": len(members)}  # those that have collapsed are left out
     record = read_events(job.input("record"))
     return compare(catalog, record, ComparisonSlice.of(settings, "comparison"), members)
 
