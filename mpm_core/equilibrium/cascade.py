@@ -77,8 +77,9 @@ class AdaptiveCells(Protocol):
     def split(self, places: np.ndarray) -> bool:
         """Split cells at places, in equilibrium; False where no more cells are allowed."""
 
-    def take_out(self, loose: np.ndarray) -> bool:
-        """Take out particles (k,) that have come loose; False where so much falls that the mine caves."""
+    def take_out(self, loose: np.ndarray) -> str:
+        """Take out particles (k,) that have come loose; the reason where so much falls that the mine caves, else
+        empty."""
 
 
 class InStepSubdomain(Protocol):
@@ -294,9 +295,9 @@ def run_cascade(
             if history.generation == 0 and history.load > history.load_before:  # nothing failed since the one before
                 history.increment, history.load = history.increment - 1, history.load_before
             if cells is not None and len(error.loose):
-                falls = cells.take_out(error.loose)
+                history.collapse = cells.take_out(error.loose)
                 scheme, brittle, ramp = cells.scheme, cells.brittle, cells.ramp
-                if falls:
+                if not history.collapse:
                     snapshot_equilibrium(scheme, history)
                     under_way = True
                     continue

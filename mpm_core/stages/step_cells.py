@@ -168,9 +168,10 @@ class StepCells:
         """What has fallen in this step, in the cells of now."""
         return self.model.unsupported.of(self.model.unsupported.falls_in(self.step))
 
-    def take_out(self, loose: np.ndarray) -> bool:
-        """Take out particles (k,) that have come loose, and what only they held: they fall, as if excavated. False,
-        and nothing is taken out, where more falls in the step than falls.MAX_FALLS, or more than the step has mined."""
+    def take_out(self, loose: np.ndarray) -> str:
+        """Take out particles (k,) that have come loose, and what only they held: they fall, as if excavated. Nothing is
+        taken out, and the reason returned, where more falls in the step than falls.MAX_FALLS, or more than the step has
+        mined."""
         model, fallen = self.model, self.fallen
         found = coming_loose(
             model.grid, model.changes, held_faces(model.scene), np.unique(model.particles.cell[loose]), self.step
@@ -181,11 +182,17 @@ class StepCells:
             fall=found.fall + np.max(fallen.fall, initial=0),
         )
         volume, before = (float(part_volumes(model, part).sum()) for part in (found, fallen))
-        logging.info("fall %d: %.3g m3 of rock come loose", found.fall[0], volume * model.scene.thickness)
-        if found.fall[0] > MAX_FALLS or volume + before > mined_volume(model, self.step):
-            return False
+        number, thickness, mined = int(found.fall[0]), model.scene.thickness, mined_volume(model, self.step)
+        logging.info("fall %d: %.3g m3 of rock come loose", number, volume * thickness)
+        if volume + before > mined:
+            return (
+                f"caving: {(volume + before) * thickness:.3g} m3 of rock come loose in this step, more than the "
+                f"{mined * thickness:.3g} m3 that it mines"
+            )
+        if number > MAX_FALLS:
+            return f"caving: more than {MAX_FALLS} falls in this step, {before * thickness:.3g} m3 of rock so far"
         self.without(found)
-        return True
+        return ""
 
     def without(self, fallen: Unsupported, counted: Callable[[Model], np.ndarray] | None = None) -> None:
         """Go over to the mine without parts of its cells that fall. Their energy goes with them; it is counted as

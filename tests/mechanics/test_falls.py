@@ -173,6 +173,7 @@ def test_a_mine_that_falls_on_is_caving_and_ends_there(tmp_path, monkeypatch):
     _, _, found = first_steps(tmp_path, count=3)
     (state, facts), (after, not_computed) = found[1:]
     assert (facts["collapsed"], facts["computed"]) == (1, 1)
+    assert facts["collapse"].startswith("caving: more than 0 falls in this step")
     assert facts["unbalanced_ratio"] <= 3e-3
     assert (after.attrs["collapsed"], after.attrs["computed"], after.attrs["step_index"]) == (1, 0, 2)
     assert not_computed["failed_particles"] == 0
