@@ -64,9 +64,10 @@ def spoken(folder, *options: str) -> list[str]:
 
 def test_keys_of_a_section_merge_with_those_of_the_file(tmp_path):
     """Numbers as numbers; what the file says of the section beside them stays."""
-    (line,) = spoken(tmp_path, "--config", "ensemble=2", "solver={increments: 1}")
-    assert "ensemble: members differ by the increments in which they mine rock, and solver.increments is 1" in line
-    status, text = snakemake(tmp_path / "mine.yaml", tmp_path, "-n", "--config", "ensemble=2", "solver={increments: 3}")
+    uniform, varied = ("materials={host: {variability: {share: %g}}}" % share for share in (0, 0.2))
+    (line,) = spoken(tmp_path, "--config", "ensemble=2", uniform)
+    assert "ensemble: members differ by the random strength of their rock, and none varies" in line
+    status, text = snakemake(tmp_path / "mine.yaml", tmp_path, "-n", "--config", "ensemble=2", varied)
     assert status == 0, text
 
 

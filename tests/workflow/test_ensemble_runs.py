@@ -40,7 +40,7 @@ def test_members_run_beside_what_stands_and_are_gathered(spoiled, base):
     cut = xr.open_dataset(results / "comparison.nc").cut
     assert spread.attrs["cut"] == float(cut)
     page = (results / "report.html").read_text()
-    assert "The 2 members differ from the run of this report" in page
+    assert "Each of the 2 members has rock of its own" in page
     assert "Older than the configuration" not in page
 
     assert "Nothing to be done" in again[1]

@@ -52,9 +52,9 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
             fallen, rest = _with(variant, constant, value)
             title = f"{settings[key]['of']}, {words.format(value)}: volume that fell, m3"
             rows.append(Row.relative(title, expected, fallen, allowed, rest))
-    one, half = (results[settings["cells"][key]].step(STEP).attrs for key in ("of", "half"))
-    title = f"{settings['cells']['half']}: volume that fell against the larger cells, m3"
-    rows.append(Row.relative(title, *(_volume(json.loads(each["falls"])) for each in (one, half)), allowed))
+    cells = settings["cells"]
+    one, half = (_volume(json.loads(results[cells[key]].step(STEP).attrs["falls"])) for key in ("of", "half"))
+    rows.append(Row.relative(f"{cells['half']}: volume that fell against the larger cells, m3", one, half, allowed))
     return rows, draw({name: results[name] for name in SHOWN})
 
 
