@@ -64,7 +64,7 @@ def spoken(folder, *options: str) -> list[str]:
 
 def test_keys_of_a_section_merge_with_those_of_the_file(tmp_path):
     """Numbers as numbers; what the file says of the section beside them stays."""
-    uniform, varied = ("materials={host: {variability: {share: %g}}}" % share for share in (0, 0.2))
+    uniform, varied = (f"materials={{host: {{variability: {{share: {share}}}}}}}" for share in (0, 0.2))
     (line,) = spoken(tmp_path, "--config", "ensemble=2", uniform)
     assert "ensemble: members differ by the random strength of their rock, and none varies" in line
     status, text = snakemake(tmp_path / "mine.yaml", tmp_path, "-n", "--config", "ensemble=2", varied)
