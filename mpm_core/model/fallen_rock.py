@@ -68,26 +68,26 @@ def describe_falls(model: Model, step: int) -> list[dict]:
     fallen = model.unsupported.of(model.unsupported.falls_in(step))
     volume, center = part_volumes(model, fallen) * scene.thickness, grid.cell_center[fallen.cell]
     mined = np.array([0 <= excavation.mined <= step for excavation in scene.excavations] or [False])
-    open_pieces = model.pieces.of(mined[model.pieces.excavation] if len(model.pieces.cell) else np.zeros(0, bool))
-    found = []
+    pieces = model.pieces.of(mined[model.pieces.excavation])
+    places, found = scipy.spatial.cKDTree(grid.cell_center[pieces.cell]), []
     for piece in np.unique(fallen.piece):
         own = np.flatnonzero(fallen.piece == piece)
-        size = volume[own].sum()
+        size, opening, side = volume[own].sum(), "", ""
         place = volume[own] @ center[own] / size if size > 0.0 else center[own].mean(axis=0)
-        entry = {
-            "fall": int(fallen.fall[own[0]]),
-            "volume": float(size),
-            "place": {"xyz"[axis]: float(along) for axis, along in zip(scene.axes, place, strict=True)},
-            "opening": "",
-            "side": "",
-        }
-        if len(open_pieces.cell):
-            away = center[own][:, None] - grid.cell_center[open_pieces.cell]
-            nearest = np.argmin(np.sum(away**2, axis=2), axis=1)
-            names, count = np.unique(open_pieces.excavation[nearest], return_counts=True)
-            entry["opening"] = scene.excavations[names[count.argmax()]].name
-            toward = away[np.arange(len(own)), nearest]
-            up = float(toward[:, scene.axes.index(2)].sum() / max(np.sqrt(np.sum(toward**2, axis=1)).sum(), 1e-300))
-            entry["side"] = SIDES[0] if up > MIN_UPRIGHT else SIDES[1] if up < -MIN_UPRIGHT else SIDES[2]
-        found.append(entry)
+        if places.n:
+            nearest = places.query(center[own])[1]
+            names, count = np.unique(pieces.excavation[nearest], return_counts=True)
+            opening = scene.excavations[names[count.argmax()]].name
+            away = center[own] - places.data[nearest]
+            up = float(away[:, scene.axes.index(2)].sum() / max(np.sqrt(np.sum(away**2, axis=1)).sum(), 1e-300))
+            side = SIDES[0] if up > MIN_UPRIGHT else SIDES[1] if up < -MIN_UPRIGHT else SIDES[2]
+        found.append(
+            {
+                "fall": int(fallen.fall[own[0]]),
+                "volume": float(size),
+                "place": {"xyz"[axis]: float(along) for axis, along in zip(scene.axes, place, strict=True)},
+                "opening": opening,
+                "side": side,
+            }
+        )
     return sorted(found, key=lambda entry: -entry["volume"])
