@@ -49,9 +49,10 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         variant = results[settings[key]["of"]]
         expected = _volume(json.loads(variant.step(STEP).attrs["falls"]))
         for value in settings[key]["values"]:
-            fallen, rest = _with(variant, constant, value)
-            title = f"{settings[key]['of']}, {words.format(value)}: volume that fell, m3"
-            rows.append(Row.relative(title, expected, fallen, allowed, rest))
+            fallen, collapsed, reason = _with(variant, constant, value)
+            title = f"{settings[key]['of']}, {words.format(value)}"
+            rows.append(Row.absolute(f"{title}: steps without rest", 0.0, collapsed, 0.0, reason))
+            rows.append(Row.relative(f"{title}: volume that fell, m3", expected, fallen, allowed))
     cells = settings["cells"]
     one, half = (_volume(json.loads(results[cells[key]].step(STEP).attrs["falls"])) for key in ("of", "half"))
     rows.append(Row.relative(f"{cells['half']}: volume that fell against the larger cells, m3", one, half, allowed))
@@ -67,15 +68,15 @@ def _volume(pieces: list[dict]) -> float:
     return float(sum(piece["volume"] for piece in pieces))
 
 
-def _with(variant: Variant, constant: str, value: float) -> tuple[float, str]:
-    """Volume m3 that falls with another limit, and a remark where the step does not come to rest."""
+def _with(variant: Variant, constant: str, value: float) -> tuple[float, float, str]:
+    """Volume m3 that falls with another limit; 1 where the step does not come to rest, else 0, and why."""
     with tempfile.TemporaryDirectory() as folder, mock.patch.object(falls, constant, value):
         states = dict(
             (name, state)
             for name, state, _ in run_stages(variant.mine.run_slices(extracted_as=()), Path(folder) / "failed.npz")
         )
     attributes = states[f"steps/{STEP}"].attrs
-    return _volume(json.loads(attributes["falls"])), "no rest" if attributes["collapsed"] else ""
+    return _volume(json.loads(attributes["falls"])), float(attributes["collapsed"]), attributes["collapse"]
 
 
 def draw(variants: dict[str, Variant]) -> Figure:
