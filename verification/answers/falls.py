@@ -26,7 +26,7 @@ TABLES = (
 )
 STEP = "mined"
 LIMITS = {"least_motion": ("MIN_FALL", "least motion of {:g} m"), "moves_along": ("MOVES_ALONG", "share of {:g}")}
-SHOWN = ("skin_12", "skin_12_half", "pit")
+SHOWN = ("skin_12", "skin_residual", "pit")
 
 
 def answer(results: Results) -> tuple[list[Row], Figure]:
