@@ -151,7 +151,8 @@ def test_a_study_runs_to_its_table(tmp_path):
         "four": {"grid": {"levels": 2}, "solver": {"increments": 4}},
         "fine": {"grid": {"levels": 3}},
     }
-    results = run_study("spread_stope", tmp_path, variants)
+    rock = {"materials": {"host": {"variability": {"length": "10 m"}}}}
+    results = run_study("spread_stope", tmp_path, {name: changes | rock for name, changes in variants.items()})
     results.study.settings.update(loading=["once", "four", "base"], cells=["base", "fine"])
     results["base"].costs = same_costs(Costs(90.0, 5.0, 1.0, 300.0), members=Costs(90.0, 7.0, 1.0, 300.0))
     scene = Scene.of(results)
