@@ -39,7 +39,7 @@ class FallWatch:
     """Looks for rock that falls in a relaxation that does not end."""
 
     def __init__(self, body: MovedBody):
-        self.body, self.largest = body, 0.0
+        self.body, self.largest = body, np.inf  # a first look alone tells nothing of speed
 
     def look(self, ratio: float) -> None:
         """Raise NoEquilibrium, with the loose particles, if failed rock falls; ratio: the unbalanced force left."""

@@ -140,9 +140,8 @@ def not_computed(scene: Scene, previous: xr.Dataset) -> tuple[xr.Dataset, dict]:
         "falls": "[]",
         "computed": 0,
     }
-    dataset = previous.isel(iteration=slice(-1, None)).load()
-    for name in ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step"):
-        dataset[name][:] = 0.0
+    strains = ("seismic_strain", "overshoot_strain", "later_strain", "plastic_strain_step")
+    dataset = previous.isel(iteration=slice(-1, None)).assign({name: xr.zeros_like(previous[name]) for name in strains})
     logging.warning("the mine collapsed before; this step is not computed")
     return dataset.assign_attrs(facts), facts
 

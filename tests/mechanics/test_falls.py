@@ -8,8 +8,10 @@ import pytest
 
 from common.errors import InputError
 from mechanics.killed import Killed, KilledAfter
-from mechanics.scenes import COULOMB, box, excavation, grid_around, make_dataset, make_scene
+from mechanics.scenes import COULOMB, box, excavation, grid_around, make_dataset, make_model, make_scene
 from mpm_core.equilibrium import falls
+from mpm_core.equilibrium.body import Body
+from mpm_core.equilibrium.convergence import NoEquilibrium
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.model.fallen_rock import coming_loose
 from mpm_core.model.occupancy import ALL_SAMPLES, Changes, Unsupported
@@ -178,6 +180,8 @@ def test_a_mine_that_falls_on_is_caving_and_ends_there(tmp_path, monkeypatch):
     assert (after.attrs["collapsed"], after.attrs["computed"], after.attrs["step_index"]) == (1, 0, 2)
     assert not_computed["failed_particles"] == 0
     assert (after.failed.values != 2).all()
+    assert (after.seismic_strain.values == 0.0).all()
+    assert state.seismic_strain.values.any()  # that of the step before stays
     assert np.array_equal(after.stress.values, state.stress.values)
 
 
@@ -229,3 +233,22 @@ def test_time_steps_find_falls_too(tmp_path):
     _, facts = first_steps(tmp_path, scheme="explicit")[2][1]
     assert facts["collapsed"] == 0
     assert json.loads(facts["falls"])[0]["opening"] == "drive"
+
+
+def test_motion_that_slows_down_is_no_fall():
+    """However large it is, as the closure of soft rock; what gains a quarter between two looks is one."""
+    scene = make_scene("xz", host=LOOSE, stress=SHALLOW, surface=170.0, solver={"collapse": "fall"})
+    model = make_model(scene, grid_around([], [4, 4], 1, 2.0))
+    state = model.virgin_state()
+    state.failed[5] = 0
+    body = Body(model, state, model.volumes(0))
+    for motions, falls_at in (((0.5, 0.6, 0.65), None), ((0.1, 0.4), 1), ((0.01, 0.04, 0.06), 2), ((0.01, 0.02), None)):
+        watch = falls.FallWatch(body)
+        for number, moved in enumerate(motions):
+            body.state.displacement[:, 1] = body.rest[:, 1] - moved
+            if number == falls_at:
+                with pytest.raises(NoEquilibrium) as caught:
+                    watch.look(0.1)
+                assert 5 in caught.value.loose
+            else:
+                watch.look(0.1)
