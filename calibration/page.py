@@ -16,6 +16,7 @@ from calibration.settings import CalibratedQuantity
 from calibration.tradeoffs import best_known_strengths, correlation, telling_observations
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES
 from catalogs.figures import style
+from catalogs.report.text import plural
 from common.datasets import atomic_path
 from common.pages import page_templates
 
@@ -27,15 +28,17 @@ BEST_TRIALS = 5
 
 @dataclass(frozen=True)
 class Trials:
-    """The trials of a fit, in order: names, and the kind of each: `replicate`, `design` or `further`.
+    """The trials of a fit, in order: names, and the kind of each: `replicate`, `design`, `further` or `collapsed`.
 
-    pairs: number of those that were run on finer cells, too. nothing_fails_before_record: history mines openings, and
+    pairs: number of those that were run on finer cells, too. collapsed: why rock found no equilibrium, by number of the
+    trial; such trials are left out. nothing_fails_before_record: history mines openings, and
     no rock fails in it.
     """
 
     names: list[str]
     kinds: list[str]
     pairs: int
+    collapsed: dict[int, str]
     nothing_fails_before_record: bool
 
     def count(self, kind: str) -> int:
@@ -70,9 +73,17 @@ def formatted(quantity: CalibratedQuantity, share: float) -> str:
     return format_number(quantity.value(share))
 
 
-def warnings(fit: Fit, quantities: Sequence[CalibratedQuantity], tests: Tests) -> list[str]:
+def warnings(fit: Fit, quantities: Sequence[CalibratedQuantity], tests: Tests, trials: Trials) -> list[str]:
     """Signs that the truth lies where no trial can reach, in sentences."""
     lines = []
+    if trials.collapsed:
+        first, reason = next(iter(trials.collapsed.items()))
+        lines.append(
+            f"Rock found no equilibrium in {len(trials.collapsed)} of {plural(len(trials.names), 'trial')} "
+            f"({', '.join(trials.names[number] for number in trials.collapsed)}; {trials.names[first]} in {reason}). "
+            "They are left out: of such rock the posterior knows only what the other trials suggest. See "
+            "docs/how-to/loose-rock.md, or narrow the ranges to rock that stands."
+        )
     least = fit.posterior.implausibility
     if not fit.fits:
         lines.append(
@@ -167,7 +178,7 @@ def write_page(
         .get_template("calibration.html.j2")
         .render(
             mine=mine,
-            warnings=warnings(fit, quantities, tests),
+            warnings=warnings(fit, quantities, tests, trials),
             verdict=verdict(fit, quantities),
             cut=f"{tests.cut:.2f}",
             quantities=quantity_rows(fit, quantities),

@@ -41,6 +41,51 @@ from common.errors import InputError
 from common.event_table import read_events
 from seismic.catalog import extractions
 
+MAX_COLLAPSED_SHARE = 0.5  # A calibration that leaves more of its trials out says little of its ranges.
+
+
+@dataclass(frozen=True)
+class TrialCatalogues:
+    """Catalogues of trials: points (row, quantity), catalogue of each row and its trial (row,); catalogues of the
+    `paired` trials, by number, on the mine's own cells; by number of a trial that is left out, why it has collapsed."""
+
+    points: NDArray
+    rows: list[xr.Dataset]
+    trials: NDArray
+    finer: list[xr.Dataset] = field(default_factory=list)
+    paired: Sequence[int] = ()
+    collapsed: dict[int, str] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, points: NDArray, trials: Sequence[Path], finer: Sequence[Path], first: int) -> "TrialCatalogues":
+        """Catalogues of these files, without trials in which rock found no equilibrium on any of their cells.
+
+        points: those of all rows of the trials, in order; finer: of the trials from the number `first` on. Raises
+        InputError if too few are left."""
+        of_trials, of_finer = ([extractions(read_events(path)) for path in files] for files in (trials, finer))
+        collapsed = {number: str(found[0].attrs.get("collapsed", "")) for number, found in enumerate(of_trials)}
+        for number, found in enumerate(of_finer, start=first):
+            collapsed[number] = collapsed[number] or str(found[0].attrs.get("collapsed", ""))
+        collapsed = {number: reason for number, reason in collapsed.items() if reason}
+        paired = [number for number in range(first, first + len(of_finer)) if number not in collapsed]
+        if len(collapsed) > MAX_COLLAPSED_SHARE * len(of_trials) or (of_finer and not paired):
+            worst, reason = next(iter(collapsed.items()))
+            raise InputError(
+                f"calibration.quantities: rock found no equilibrium in {len(collapsed)} of {len(of_trials)} trials, "
+                f"too many to leave out (trial {worst + 1}, {reason}); narrow the ranges to rock that stands"
+            )
+        trial_of_row = np.repeat(np.arange(len(of_trials)), [len(trial) for trial in of_trials])
+        stands = ~np.isin(trial_of_row, list(collapsed))
+        rows = [one for trial in of_trials for one in trial]
+        return cls(
+            points[stands],
+            [one for one, kept in zip(rows, stands, strict=True) if kept],
+            trial_of_row[stands],
+            [one for trial in paired for one in of_finer[trial - first]],
+            paired,
+            collapsed,
+        )
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -53,6 +98,7 @@ class Calibration:
     rows: Rows
     places: Places | None
     fit: Fit
+    trials: TrialCatalogues
 
     def gains_at(self, row: int) -> NDArray:
         """Information gain of all rows (row, step) at the events of one of them, located as badly as recorded ones."""
@@ -67,27 +113,6 @@ class Calibration:
         return calibrate_to_trials(self.fit, self.rows, trials, self.settings.seed, gains_at)
 
 
-@dataclass(frozen=True)
-class TrialCatalogues:
-    """Catalogues of trials: points (row, quantity), catalogue of each row and its trial (row,); catalogues of the first
-    designed trials on the mine's own cells, in order, and the number of these trials."""
-
-    points: NDArray
-    rows: list[xr.Dataset]
-    trials: NDArray
-    finer: list[xr.Dataset] = field(default_factory=list)
-    pairs: int = 0
-
-    @classmethod
-    def read(cls, points: NDArray, trials: Sequence[Path], finer: Sequence[Path]) -> "TrialCatalogues":
-        """Catalogues of these files; points: those of all rows of the trials, in order."""
-        of_trials = [extractions(read_events(path)) for path in trials]
-        of_finer = [extractions(read_events(path)) for path in finer]
-        number = np.repeat(np.arange(len(of_trials)), [len(trial) for trial in of_trials])
-        rows, fine = ([one for trial in found for one in trial] for found in (of_trials, of_finer))
-        return cls(points, rows, number, fine, len(finer))
-
-
 def read_calibration(given: dict, trials: Sequence[Path], finer: Sequence[Path], record_file: Path) -> Calibration:
     """The calibration of a stage's slice to a record.
 
@@ -96,7 +121,8 @@ def read_calibration(given: dict, trials: Sequence[Path], finer: Sequence[Path],
     settings = CalibrationSettings.of(given["calibration"], "calibration")
     dated = tuple(DatedStep.of(step) for step in given["steps"])
     points = np.concatenate([np.array(trial["rows"]) for trial in given["trials"]])
-    return calibrate_catalogues(settings, dated, TrialCatalogues.read(points, trials, finer), read_dataset(record_file))
+    found = TrialCatalogues.read(points, trials, finer, settings.replicates)
+    return calibrate_catalogues(settings, dated, found, read_dataset(record_file))
 
 
 def calibrate_catalogues(
@@ -120,15 +146,14 @@ def calibrate_catalogues(
     refuse_without_effect(rows, settings)
     correction = CellCorrection.none(all_outputs)
     if fine:
-        first = settings.replicates
-        coarse = all_outputs.of_runs(np.flatnonzero((trials.trials >= first) & (trials.trials < first + trials.pairs)))
-        correction = CellCorrection.of(coarse, outputs(fine, steps, cut, places), trials.pairs)
+        coarse = all_outputs.of_runs(np.flatnonzero(np.isin(trials.trials, trials.paired)))
+        correction = CellCorrection.of(coarse, outputs(fine, steps, cut, places), len(trials.paired))
     correction = correction.during(covered(exposure, dated), all_outputs)
     recorded = read_record(record, exposure, cut, settings.seed, counted_sizes(catalogues, steps, cut))
     surrogate = Surrogate(rows.points, all_outputs.all, rows.trials, settings.seed)
     fit = calibrate(rows, correction, recorded, settings.terms, settings.model_error, settings.seed, surrogate, sobol)
     logging.info("posterior of %d points worth %.0f", len(fit.posterior.points), fit.posterior.effective)
-    return Calibration(settings, steps, catalogues, cut, rows, places, fit)
+    return Calibration(settings, steps, catalogues, cut, rows, places, fit, trials)
 
 
 def refuse_without_effect(rows: Rows, settings: CalibrationSettings) -> None:
@@ -186,12 +211,13 @@ def fit_stage(
     """
     calibration = read_calibration(given, trials, finer, record)
     settings, fit, steps = calibration.settings, calibration.fit, calibration.steps
-    kinds = [trial["kind"] for trial in given["trials"]]
-    designed = np.array([number for number, kind in enumerate(kinds) if kind == "design"])
+    collapsed = calibration.trials.collapsed
+    kinds = ["collapsed" if number in collapsed else trial["kind"] for number, trial in enumerate(given["trials"])]
     listed = Trials(
         [trial["name"] for trial in given["trials"]],
         kinds,
-        len(finer),
+        len(calibration.trials.paired),
+        collapsed,
         nothing_fails_before_record(calibration.catalogues) and given["has_history"],
     )
     write_table(table, fit, calibration.rows, listed, settings.quantities, steps)
@@ -201,6 +227,6 @@ def fit_stage(
     for name, shares in values.items():
         file = output.parent / f"{name}.yaml"
         write_mine(file, given["text"], settings.quantities, shares, given["posterior"])
-    tested = calibration.self_test(designed)
+    tested = calibration.self_test(listed.of_kind("design"))
     tests = Tests(tested, beyond_range(fit, settings.seed), compare_b(fit, settings.seed), calibration.cut)
     write_page(output, given["mine"], fit, calibration.rows, listed, tests, settings.quantities, steps, len(draws))

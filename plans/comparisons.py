@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from plans.differences import NUMBER, POTENCY, Difference, compare_plans, judged_difference
+from plans.differences import NUMBER, POTENCY, Difference, compare_plans, judged_difference, paired_sums
 from plans.differences import steps_with_other_runs as other_steps
-from plans.layout import ANY, PlanSummary
+from plans.layout import ANY, LIKE_OWN, PlanSummary
 from plans.record import RUNS
 
 Steps = tuple[list[str], list[str]]
@@ -110,8 +110,11 @@ class Comparisons:
         count = max(1, (len(self.plans) - 1) * plan.outcome.sizes["size"] * plan.outcome.sizes["distance"])
         if plan.counted == self.first.counted and not any(self.steps(plan)):
             return Difference(1.0, np.ones(2), np.ones(2), np.ones(2), (), (), is_shared=True)
-        first, second = (_yearly_numbers(one, distance) for one in pair)
-        numbers = judged_difference(first, second, [1.0 / one.days(one.counted) for one in pair], count)
+        counted = [one.outcome.sel(step=one.counted) for one in pair]
+        a_year = [1.0 / one.days(one.counted) for one in pair]
+        sums = paired_sums(counted, "number_within", LIKE_OWN, opening=ANY, distance=distance)
+        first, second = (one * rate for one, rate in zip(sums, a_year, strict=True))
+        numbers = judged_difference(first, second, a_year, count)
         found = [one.chance(ANY, distance, size) for one in pair]
         ends = np.sqrt(np.prod([-np.log1p(-np.clip(one[1], 0.0, 1.0 - 1e-12)) for one in found], axis=0))
         value = found[0][0] / found[1][0] if found[1][0] > 0.0 else np.nan
@@ -126,12 +129,6 @@ class Comparisons:
         alike = [self.first, *others]
         is_alike = any(one is plan for one in alike)
         return float(np.mean([one.chance(ANY, distance, size)[0] for one in (alike if is_alike else [plan])]))
-
-
-def _yearly_numbers(plan: PlanSummary, distance: float) -> NDArray:
-    """Events a year (run,) within a distance of any opening, in the steps that chances are of."""
-    part = plan.outcome.sel(step=plan.counted, opening=ANY, distance=distance)
-    return part["number_within"].sum("step").values[plan.is_like_own] / plan.days(plan.counted)
 
 
 def _chance_interval(ratio: NDArray, number: NDArray) -> NDArray:

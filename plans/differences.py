@@ -25,7 +25,7 @@ from scipy.stats import f, norm, t
 
 from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
 from common.errors import InputError
-from plans.layout import ANY, COARSE, DRAW, OWN, PlanSummary
+from plans.layout import ANY, COARSE, DRAW, LIKE_OWN, OWN
 from plans.record import CELL_CHANGE_FACTOR, CELLS, CHANCE, MIN_DRAWS, ROCK, RUNS
 
 NUMBER, POTENCY = "number", "potency"
@@ -108,18 +108,30 @@ def compare_plans(
     both = steps_of_both(plan, other, steps)
     if are_same_runs(both):
         return Difference(1.0, np.ones(2), np.ones(2), np.ones(2), (), (), is_shared=True)
-    first, second = (_sums(one, quantity, opening) for one in both)
+    first, second = paired_sums(both, quantity, LIKE_OWN, opening=opening)
     sizes: tuple[float, ...] = (1.0, 1.0)
     if quantity == POTENCY:
-        numbers = (_sums(one, NUMBER, opening).sum() for one in both)
+        numbers = (one.sum() for one in paired_sums(both, NUMBER, LIKE_OWN, opening=opening))
         sizes = tuple(sums.sum() / max(number, 1.0) for sums, number in zip((first, second), numbers, strict=True))
     cells, rock = _half_width_by_cells(both, quantity), _log_ratios(both, quantity, DRAW)
     return judged_difference(first, second, sizes, comparisons, cells, rock if len(rock) >= MIN_DRAWS else None)
 
 
-def _sums(outcome: xr.Dataset, quantity: str, opening: str) -> NDArray:
-    """Sums of a quantity over steps, of the plan's own run and its members (run,), near one opening or all."""
-    return outcome[quantity].sel(opening=opening).sum("step").values[PlanSummary(outcome).is_like_own]
+def paired_sums(
+    both: Sequence[xr.Dataset], name: str, kinds: Sequence[str], **selected: object
+) -> tuple[NDArray, NDArray]:
+    """Sums of a variable over steps by run, of runs of the same kind and number in two plans, (pair,) each.
+
+    Runs that do not stand in one of them are left out in both. selected: coordinates along its other dimensions.
+    """
+    sums = []
+    for outcome in both:
+        values = outcome[name].sel(selected).transpose("run", "step").values.sum(axis=1)
+        sums.append(values[np.isin(outcome["run_kind"].values, kinds)])
+    count = min(len(one) for one in sums)
+    first, second = (one[:count] for one in sums)
+    known = np.isfinite(first) & np.isfinite(second)
+    return first[known], second[known]
 
 
 def steps_of_both(
@@ -219,9 +231,7 @@ def _lower_end_over_nothing(sums: NDArray, size: float, level: float) -> float:
 
 def _log_ratios(both: Sequence[xr.Dataset], quantity: str, kind: str) -> NDArray:
     """ln of the ratio over the runs of a kind (run,), in their order, as far as both plans have one and something."""
-    sums = [one[OF_ALL_RUNS[quantity]].sum("step").values[one["run_kind"].values == kind] for one in both]
-    count = min(len(one) for one in sums)
-    first, second = (one[:count] for one in sums)
+    first, second = paired_sums(both, OF_ALL_RUNS[quantity], [kind])
     some = (first > 0.0) & (second > 0.0)
     return np.log(first[some] / second[some])
 

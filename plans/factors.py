@@ -107,7 +107,7 @@ def find_factors(
         log, dispersion = steps_of_plan(levels, recorded.middles, middles(settings.steps), generator), levels.dispersion
         contains.append(RECORD)
         text = ratio_text(recorded, levels)
-    elif (kinds == COARSE).any():
+    elif np.isfinite(shared[kinds == COARSE]).any():
         change = abs(np.log((shared[kinds == OWN][0] + 0.5) / (shared[kinds == COARSE][0] + 0.5)))
         half = max(CELL_CHANGE_FACTOR * change, np.log1p(MIN_CELL_CHANGE))
         log = log + half / norm.ppf(INTERVAL_95[1]) * generator.standard_normal(draws)
@@ -221,16 +221,17 @@ def steps_of_plan(levels: Levels, recorded: NDArray, steps: NDArray, generator: 
 def _rock(draws: NDArray, own: float, recorded: RecordedNumbers | None) -> tuple[float, float, int] | None:
     """Mean and standard deviation of ln of the number (draw,) over that of the mine's own rock, for one more draw, and
     degrees of freedom. With a record: those of this ratio over the ratio of the recorded steps. Numbers count from the
-    shared floor on."""
-    if len(draws) < MIN_DRAWS:
-        return None
+    shared floor on, and are NaN of draws in which rock found no equilibrium."""
     values = np.log((draws + 0.5) / (own + 0.5))
     if recorded is not None:
         if len(recorded.draws) != len(draws):
             return None
         # the record's ratio is that of the mine's own rock: other rock makes both, the plan and the recorded steps
         values -= np.log((recorded.draws.sum(axis=1) + 0.5) / (recorded.own + 0.5))
-    return float(values.mean()), float(values.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(values))), len(draws) - 1
+    values = values[np.isfinite(values)]
+    if len(values) < MIN_DRAWS:
+        return None
+    return float(values.mean()), float(values.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(values))), len(values) - 1
 
 
 def ratio_text(recorded: RecordedNumbers, levels: Levels) -> str:

@@ -10,8 +10,9 @@ Events count if they are resolved and at least as large as `floor`, the largest 
 plans, of their members and, with a record, of the cut of its comparison. Runs on other cells have a larger floor. So
 numbers of all kinds of runs are counted from `shared_floor`, too.
 
-NaN: numbers by opening of runs on other cells or in other rock, a size where there is no event, forecasts of steps that
-are not ahead, chances near an opening in steps before it is mined, and of a size below the floor.
+NaN: all numbers of runs in which rock found no equilibrium, numbers by opening of runs on other cells or in other rock,
+a size where there is no event, forecasts of steps that are not ahead, chances near an opening in steps before it is
+mined, and of a size below the floor.
 
 Attributes: mine, plan, floor and shared_floor (log10 m3), shear_modulus (Pa), recorded_until (ISO; time of the last
 recorded event, or the later end that the configuration states; empty without a record), steps_ahead (JSON), differs_in
@@ -20,7 +21,9 @@ intervals contain and lack), law_source ("record" | "model" | "none"), law_event
 law_b_interval, law_bound_interval, runs (the plan's own and its members), number_dispersion (variance over mean of the
 number that a step is forecast with), and those of a job's provenance (common.job). ratio_text is a sentence for the
 reader. record_factor: lower end (2.5 %), median and upper end of the factor that multiplies chances in the steps of the
-period "all" (plans.factors); NaN without a record.
+period "all" (plans.factors); NaN without a record. collapsed: step in which rock of the plan's own run found no
+equilibrium, empty if it did in all: such a plan is not compared, and its numbers are those of what was computed.
+fallen_volume (m3): rock that came loose and fell in the dated steps, the mean of the plan's own run and its members.
 """
 
 import json
@@ -176,10 +179,25 @@ class PlanSummary:
         """Names of the openings that it mines."""
         return [str(name) for name in self.outcome["opening"].values if name != ANY]
 
+    @property
+    def collapsed(self) -> str:
+        """Step in which its own run found no equilibrium; empty if it did in all."""
+        return str(self.outcome.attrs.get("collapsed", ""))
+
+    @property
+    def fallen(self) -> float:
+        """Rock that fell in its dated steps, m3; NaN where an older outcome does not say."""
+        return float(self.outcome.attrs.get("fallen_volume", np.nan))
+
+    @cached_property
+    def stands(self) -> NDArray:
+        """Mask of the runs that have found equilibrium in all steps, (run,)."""
+        return np.isfinite(self.outcome["whole_potency"].values).all(axis=1)
+
     @cached_property
     def is_like_own(self) -> NDArray:
-        """Mask of the plan's own run and its members, (run,)."""
-        return np.isin(self.outcome["run_kind"].values, LIKE_OWN)
+        """Mask of the plan's own run and its members, as far as these stand, (run,)."""
+        return np.isin(self.outcome["run_kind"].values, LIKE_OWN) & self.stands
 
     @cached_property
     def _values(self) -> dict[str, NDArray]:
@@ -208,8 +226,8 @@ class PlanSummary:
         return self.members + 1
 
     def has_runs(self, kind: str) -> bool:
-        """True if it has a run of this kind."""
-        return bool((self.outcome["run_kind"].values == kind).any())
+        """True if it has a run of this kind that stands."""
+        return bool(((self.outcome["run_kind"].values == kind) & self.stands).any())
 
     def mined_in(self, opening: str) -> str:
         """Name of the dated step that mines an opening; empty for one that is mined before."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from catalogs.compare.exposure import DAY, window
 from catalogs.settings import ALL_STEPS
@@ -20,7 +21,7 @@ from common.source_tensors import moment_of_magnitude
 from plans.hazard import find_hazard
 from plans.layout import ANY, LIKE_OWN, OWN, new_outcome
 from plans.record import is_ahead, read_recorded
-from plans.runs import Geometry, StepResult, common_floor, counts, digest, read_run, read_steps
+from plans.runs import Geometry, StepResult, collapsed_in, common_floor, counts, digest, read_run, read_steps
 from plans.settings import OutcomeSlice
 
 
@@ -53,18 +54,21 @@ def make_outcome(
         raise InputError(f"plans: a step stands twice among those of {settings.plan}")
     geometry = Geometry.of(grid, settings.openings, steps)
     runs = [read_run(run, steps, settings.mine) for run in settings.runs]
-    like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN]
+    collapsed = collapsed_in(runs[0], steps)  # If the plan's own run has, its page leaves the plan out as a whole.
+    stands = np.array([bool(collapsed) or not collapsed_in(run, steps) for run in runs])
+    like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN and stands[number]]
     recorded = read_recorded(settings, record, comparison) if record is not None and comparison is not None else None
     known = {step.file: step for run in runs for step in run}
-    compared = [(run.kind, read_steps(run, settings.mine, known)) for run in settings.compared_runs]
+    compared = _standing([(run.kind, read_steps(run, settings.mine, known)) for run in settings.compared_runs])
     other_floors = [(kind, common_floor([run])) for kind, run in compared]
     own_floors = [common_floor([runs[number] for number in like_own])]
     own_floors += [one for kind, one in other_floors if kind in LIKE_OWN]
     floor = float(np.fmax.reduce(own_floors))
     floor = recorded.floor_above(floor) if recorded else floor
-    shared = float(np.fmax.reduce([common_floor(runs), floor, *(one for _, one in other_floors)]))
+    all_floors = [common_floor([runs[number] for number in np.flatnonzero(stands)]), *(one for _, one in other_floors)]
+    shared = float(np.fmax.reduce([floor, *all_floors]))
     values = _plan_values(settings, geometry)
-    values |= _run_values(runs, shared)
+    values |= _run_values(runs, stands, shared)
     values |= _values_from_floor(runs, like_own, geometry, settings.hazard.distances, floor)
     values["made_by"] = [digest(runs, kinds, number) for number in range(len(steps))]
     until = recorded.until if recorded else None
@@ -81,6 +85,8 @@ def make_outcome(
     attributes = {
         "mine": settings.mine,
         "plan": settings.plan,
+        "collapsed": collapsed,
+        "fallen_volume": float(np.mean([sum(step.fallen_volume for step in runs[number]) for number in like_own])),
         "floor": floor,
         "shared_floor": shared,
         "shear_modulus": settings.shear_modulus,
@@ -89,6 +95,18 @@ def make_outcome(
         "steps_ahead": json.dumps([step.name for step, one in zip(steps, ahead, strict=True) if one]),
     } | attributes
     return new_outcome(values | hazard, attributes)
+
+
+def _standing(runs: Sequence[tuple[str, list[StepResult]]]) -> list[tuple[str, list[StepResult]]]:
+    """Kinds and results of runs of several plans, each plan's own first, without what has collapsed: a run, or a plan
+    whose own run has."""
+    found, is_lost = [], False
+    for kind, run in runs:
+        collapsed = any(step.collapsed for step in run)
+        is_lost = collapsed if kind == OWN else is_lost
+        if not (is_lost or collapsed):
+            found.append((kind, run))
+    return found
 
 
 def _plan_values(settings: OutcomeSlice, geometry: Geometry) -> dict[str, Any]:
@@ -115,14 +133,17 @@ def _plan_values(settings: OutcomeSlice, geometry: Geometry) -> dict[str, Any]:
     }
 
 
-def _run_values(runs: Sequence[Sequence[StepResult]], shared: float) -> dict[str, Any]:
-    """Sums of each step of all runs (run, step), as variables of plans.layout; shared: the shared floor, log10 m3."""
+def _run_values(runs: Sequence[Sequence[StepResult]], stands: NDArray, shared: float) -> dict[str, Any]:
+    """Sums of each step of all runs (run, step), as variables of plans.layout: NaN where one does not stand, (run,).
+
+    shared: the shared floor, log10 m3.
+    """
     sums = {
         name: np.array([[getattr(step, name) for step in run] for run in runs])
         for name in ("whole_potency", "energy_released", "failed_volume")
     }
-    numbers = [[len(step.from_floor(shared).potency) for step in run] for run in runs]
-    return sums | {"shared_number": np.array(numbers, float)}
+    numbers = np.array([[len(step.from_floor(shared).potency) for step in run] for run in runs], float)
+    return {name: np.where(stands[:, None], one, np.nan) for name, one in (sums | {"shared_number": numbers}).items()}
 
 
 def _values_from_floor(

@@ -23,7 +23,7 @@ from common.pages import page_templates
 from plans.comparisons import Comparisons
 from plans.layout import ANY, PlanSummary, read_outcome
 from plans.overview import overview
-from plans.sentences import interval_contents, law_texts, missing, step_range, verdict
+from plans.sentences import collapsed, interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
 from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows, write_table
 
@@ -57,13 +57,19 @@ def write_report(
     outcomes: of all plans (plans.layout), that which others are compared with first. Raises InputError for one of
     another mine, or of other classes.
     """
-    plans = [PlanSummary(one) for one in outcomes]
-    for plan in plans:
+    every = [PlanSummary(one) for one in outcomes]
+    for plan in every:
         if plan.outcome.attrs["mine"] != settings.mine:
             raise InputError(f"plans: {plan.name} is of mine {plan.outcome.attrs['mine']}, not of {settings.mine}")
         classes = list(plan.outcome["size"].values), [float(one) for one in plan.outcome["distance"].values]
         if classes != (list(settings.hazard.sizes), list(settings.hazard.distances)):
             raise InputError(f"plans: {plan.name} was made with other classes of size or distance; run it again")
+    plans = [plan for plan in every if not plan.collapsed]
+    if not plans:
+        raise InputError(
+            f"plans: rock finds no equilibrium in any plan ({every[0].name}: in step {every[0].collapsed}), so there "
+            "is nothing to compare; see docs/how-to/loose-rock.md"
+        )
     hazard, comparisons = settings.hazard, Comparisons(plans)
     with style.applied():
         figures = {"map": draw_plans(plans, grid), "course": draw_course(plans)}
@@ -77,6 +83,7 @@ def write_report(
             first=plans[0].name,
             labels=[plan.name for plan in plans],
             overview=overview(comparisons, hazard, settings.titles or {}),
+            collapsed=collapsed(every),
             verdict=verdict(comparisons, hazard),
             missing=missing(comparisons, hazard),
             contained=interval_contents(comparisons),

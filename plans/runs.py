@@ -23,8 +23,9 @@ class StepResult:
     """Result of one step of one run: its resolved events, potency (event,) m3, location (event, 3) m, and its sums.
 
     floor: log10 m3, NaN if nothing failed; whole_potency: of all events, resolved or not, m3; energy_released, J;
-    failed_volume, m3; made_from: digest of the inputs of the state. The last three are NaN and empty where the run's
-    states are not read. file: the file of the events, which plans may share.
+    failed_volume and fallen_volume, m3; made_from: digest of the inputs of the state. The last four are NaN and empty
+    where the run's states are not read. file: the file of the events, which plans may share. collapsed: rock found no
+    equilibrium in this step or before.
     """
 
     potency: NDArray
@@ -33,8 +34,10 @@ class StepResult:
     whole_potency: float
     energy_released: float = np.nan
     failed_volume: float = np.nan
+    fallen_volume: float = np.nan
     made_from: str = ""
     file: str = ""
+    collapsed: bool = False
 
     def from_floor(self, floor: float) -> "StepResult":
         """Result with only the events of log potency from a floor on; with all events if the floor is NaN."""
@@ -75,14 +78,12 @@ def _read_step(path: str, mine: str, default: str = "") -> tuple[str, StepResult
     name = str(events.attrs.get("step", default))
     if events.attrs.get("mine") != mine:
         raise InputError(f"{path}: events of step {name} of mine {events.attrs.get('mine')}, not of {mine}")
-    if events.attrs.get("collapsed"):
-        raise InputError(
-            f"{path}: rock found no equilibrium in step {name} or before, so this run has not mined its plan; see the "
-            "log of that step, and docs/how-to/loose-rock.md"
-        )
     is_resolved, potency = events["resolved"].values == 1, events["potency"].values
     location = events["location"].values[is_resolved]
-    return name, StepResult(potency[is_resolved], location, _log_floor(events.attrs), float(potency.sum()), file=path)
+    whole, collapsed = float(potency.sum()), bool(events.attrs.get("collapsed"))
+    return name, StepResult(
+        potency[is_resolved], location, _log_floor(events.attrs), whole, file=path, collapsed=collapsed
+    )
 
 
 def _with_states(
@@ -97,8 +98,16 @@ def _with_states(
                 f"{path}: state of step {state.get('step')} of mine {state.get('mine')}, not of {step.name} of {mine}"
             )
         energy, failed = (float(state[name]) for name in ("energy_released", "failed_volume"))
-        made_from = str(state.get("made_from", ""))
-        completed.append(replace(result, energy_released=energy, failed_volume=failed, made_from=made_from))
+        fallen = sum(fall["volume"] for fall in json.loads(state.get("falls", "[]")))
+        completed.append(
+            replace(
+                result,
+                energy_released=energy,
+                failed_volume=failed,
+                fallen_volume=float(fallen),
+                made_from=str(state.get("made_from", "")),
+            )
+        )
     return completed
 
 
@@ -114,6 +123,11 @@ def _log_floor(attributes: Mapping) -> float:
     """Floor of a file of events, log10 m3; NaN without one."""
     smallest = float(attributes.get("potency_floor", np.nan))
     return float(np.log10(smallest)) if smallest > 0.0 else np.nan
+
+
+def collapsed_in(run: Sequence[StepResult], steps: Sequence[DatedStep]) -> str:
+    """Name of the first step of a run in which, or before which, rock found no equilibrium; empty if there is none."""
+    return next((step.name for result, step in zip(run, steps, strict=True) if result.collapsed), "")
 
 
 def common_floor(runs: Sequence[Sequence[StepResult]]) -> float:

@@ -101,6 +101,25 @@ def frequency_text(chance: float, number_a_year: float) -> str:
     return f"about {number(number_a_year, 2)} a year" if chance > LARGEST_CHANCE else ""
 
 
+def collapsed(plans: Sequence[PlanSummary]) -> list[str]:
+    """State the plans, and the runs of other plans, that are left out, since rock found no equilibrium in them."""
+    lines = [
+        f"{plan.name} is left out: in its own run rock finds no equilibrium in step {plan.collapsed}, so the plan "
+        "cannot be mined as it is."
+        for plan in plans
+        if plan.collapsed
+    ]
+    for plan in plans:
+        count = 0 if plan.collapsed else int((~plan.stands).sum())
+        if count:
+            lines.append(
+                f"In {count} of {plural(len(plan.stands), 'run')} of {plan.name} rock finds no equilibrium. "
+                f"{'It is' if count == 1 else 'They are'} left out, and so are the runs of other plans that would be "
+                "compared with them. What is left shows this plan better than it is."
+            )
+    return [*lines, "docs/how-to/loose-rock.md says what to do."] if lines else []
+
+
 def verdict(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
     """The first sentences of the page: how the plans differ, and whether chances of large events are known."""
     first = comparisons.first

@@ -56,6 +56,7 @@ def plan_rows(comparisons: Comparisons) -> list[dict]:
             "mined": number(mined),
             "energy": number(means.energy / ENERGY_UNIT),
             "failed": number(means.failed),
+            "fallen": number(plan.fallen),
             "per_volume": number(1000.0 * means.potency / mined) if mined > 0.0 else DASH,
             **mean_cells(plan, means),
         }

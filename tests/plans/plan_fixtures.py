@@ -84,19 +84,26 @@ def write_run(
     steps: Sequence[DatedStep] = STEPS,
     floor: float = -2.0,
     energy: float = 1e9,
+    collapsed: str = "",
+    fallen: float = 0.0,
 ) -> dict:
-    """Files of a run with such (log potency, place) in each step, as a slice names them."""
-    names = []
+    """Files of a run with such (log potency, place) in each step, as a slice names them.
+
+    collapsed: step from which on rock found no equilibrium; fallen: rock that falls in each step, m3.
+    """
+    names, has_collapsed = [], False
     for step, (size, place) in zip(steps, events, strict=True):
+        has_collapsed |= step.name == collapsed
         made_of = f"{folder.name} {kind} {step.name} {np.sum(size):.9f} {step.start} {step.end}"
         attributes = {"mine": MINE, "step": step.name, "potency_floor": 10.0**floor, "kind": "synthetic"}
-        attributes |= {"made_from": made_of, "location_error": EDGE}
+        attributes |= {"made_from": made_of, "location_error": EDGE, "collapsed": int(has_collapsed)}
         times = spread_in_time((step.start, step.end), len(size), step.name)
         named = np.full(len(size), step.name, object)
         catalog = new_catalog(len(size), attributes, location=place, potency=10.0**size, step=named, **times)
         write_events(catalog, folder / "events" / f"{step.name}.nc")
         state = {"mine": MINE, "step": step.name, "energy_released": energy, "failed_volume": 100.0}
         state["made_from"] = f"{folder.name} {kind} {step.name}"
+        state["falls"] = json.dumps([{"volume": fallen}] if fallen else [])
         write_dataset(xr.Dataset(attrs=state), folder / "steps" / f"{step.name}.nc")
         names.append(step.name)
     return {

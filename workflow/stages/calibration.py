@@ -7,7 +7,6 @@ from workflow.stages import stage
 @stage("mpm_core", "seismic", modules=("workflow.run_mine",))
 def trial(job: Job) -> None:
     """a run of the mine with other values of the calibrated quantities"""
-    from common.errors import InputError
     from common.event_table import write_events
     from mpm_core.kernels.threads import use_threads
     from seismic.catalog import join_extractions, merge
@@ -15,19 +14,17 @@ def trial(job: Job) -> None:
 
     use_threads(job.threads)
     by_step: dict[str, list] = {}
+    collapsed = ""
     for name, dataset, _ in run_stages(job.settings, job.output().with_suffix(".failed.npz")):
-        if dataset.attrs.get("collapsed"):
-            raise InputError(
-                f"{job.output().stem}: rock found no equilibrium in step {dataset.attrs['step']} "
-                f"({dataset.attrs.get('collapse', '')}): a trial must mine all steps; narrow the ranges of "
-                "calibration.quantities to rock that stands"
-            )
+        if name.startswith("steps/") and dataset.attrs["collapsed"]:
+            collapsed = collapsed or f"step {dataset.attrs['step']}: {dataset.attrs['collapse']}"
         if name.startswith("events/"):
             by_step.setdefault(name, []).append(dataset)
     # One catalogue for each setting of the extraction; the potency of undated steps came before the record.
     before = sum(float(sets[0].potency.sum()) for sets in by_step.values() if not sets[0].attrs["dated"])
     catalogues = [merge(list(sets)) for sets in zip(*by_step.values(), strict=True)]
-    made = join_extractions(catalogues).assign_attrs(potency_before_record=before)
+    # The fit leaves out a trial that has collapsed, and says so.
+    made = join_extractions(catalogues).assign_attrs(potency_before_record=before, collapsed=collapsed)
     write_events(made.assign_attrs(job.provenance()), job.output())
 
 
