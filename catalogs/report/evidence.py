@@ -23,6 +23,7 @@ CONVERGENCE_VARIABLES = tuple(f"convergence_{name}" for name in CONVERGENCE_COLU
 CELL_VARIABLES = ("cell_origin", "cell_size", "cell_level", "cell_body")
 STATE_VARIABLES = (
     *("position", "cell", "spacing", "volume", "excavation", "displacement", "failed", "strength_factor"),
+    "plastic_strain",
     *CELL_VARIABLES,
 )
 EVENT_FILES = ("catalog", "record")

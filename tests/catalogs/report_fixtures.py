@@ -213,6 +213,7 @@ def make_state(grid: xr.Dataset, index: int) -> xr.Dataset:
             "failed": ("particle", np.where(fill >= 0, -1, failed).astype(np.int32)),
             "strength_factor": ("particle", 1 + nearest / 8),
             "seismic_strain": (("particle", "voigt"), np.where(now[:, None], 1e-4, 0) * np.ones(6)),
+            "plastic_strain": (("particle", "voigt"), np.where(failed[:, None] >= 0, 1e-4, 0) * np.ones(6)),
             "convergence_increment": ("iteration", np.arange(24) // 12),
             "convergence_generation": ("iteration", np.arange(24) // 6 % 2),
             "convergence_iteration": ("iteration", np.tile(np.arange(6), 4)),

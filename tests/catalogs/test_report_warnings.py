@@ -5,10 +5,12 @@ import json
 import numpy as np
 import pytest
 import report_fixtures as fixtures
+import xarray as xr
 
 from catalogs.report.sections.warnings import banners
 from catalogs.report.text import number
 from common.datasets import read_dataset, write_dataset
+from common.voigt import voigt_from_tensor
 
 pytestmark = pytest.mark.usefixtures("without_drawing")
 
@@ -149,3 +151,44 @@ def test_banner_names_excavations_whose_surface_encloses_nothing(mine, tmp_path)
             assert fill.mend.code == f"grid.finest_cell: {size} m"
         else:
             assert not [one for one in found if "Narrow for" in one.text]
+
+
+def _with_bands(evidence, along: int, mirrored: int):
+    """Evidence whose failed rock is so many sheets along the grid and along their mirror images, and nothing else.
+
+    The planes of shear of all of them have the same two directions: level, and dipping by 60 degrees.
+    """
+    cell = float(evidence.grid.attrs["fine_cell"])
+    axis = np.arange(-5, 6)
+    index = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    level, dipping = np.array([0.0, 0.0, 1.0]), np.array([0.0, np.sqrt(0.75), 0.5])
+    places = []
+    for which in range(along + mirrored):
+        normal = level if which < along else dipping
+        sheet = index[np.abs(index @ normal) <= 0.5 * normal.max()]
+        places.append(cell * (sheet + np.array([20 * which, 0, 0])))
+    place = np.concatenate(places)
+    tension, pressure = (level - dipping) / np.linalg.norm(level - dipping), (level + dipping) / np.sqrt(3.0)
+    strain = voigt_from_tensor(np.outer(tension, tension) - np.outer(pressure, pressure))
+    count = len(place)
+    evidence.state = xr.Dataset(
+        {
+            "position": (("particle", "xyz"), place),
+            "failed": ("particle", np.zeros(count, np.int32)),
+            "volume": ("particle", np.full(count, cell**3)),
+            "plastic_strain": (("particle", "voigt"), np.tile(strain, (count, 1))),
+        },
+        attrs={"plane": "none"},
+    )
+    return [one.text for one in banners(evidence) if "thin bands along the axes" in one.text]
+
+
+@pytest.mark.parametrize(
+    ("along", "mirrored", "said"),
+    [(12, 1, "Chance seldom"), (2, 0, "may differ by chance"), (4, 4, ""), (0, 6, ""), (3, 12, "")],
+)
+def test_bands_along_the_grid_are_told_where_their_mirror_images_are_fewer(mine, along, mirrored, said):
+    found = _with_bands(fixtures.evidence_of(**mine.arguments()), along, mirrored)
+    assert len(found) == bool(said)
+    assert not found or said in found[0]
+    assert not found or f"in {along} bands" in found[0]

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from catalogs.compare.bands import TOLERANCE, band_normals
 from catalogs.figures import style
 from common.part_centers import part_centers
 from common.source_tensors import scalar_potency
@@ -25,10 +25,6 @@ TABLES = (
 STEP = "mined"
 RIGHT_ANGLE, HALF_TURN = 90.0, 180.0
 RESAMPLINGS, SEED = 2000, 1
-MIN_NEIGHBOURS = 5  # Failed particles in the surroundings of one, without which it has no direction.
-MAX_FILLED_SHARE = 0.55  # A larger share of its surroundings that has failed is no band,
-MIN_ELONGATION = 3.0  # nor is a smaller ratio of the variances along and across.
-TOLERANCE = 7.5  # Largest angle to a direction, degrees.
 
 
 @dataclass(frozen=True)
@@ -91,15 +87,8 @@ def near(direction: NDArray, turned: float) -> int:
 
 def directions(place: NDArray, cell: float, radius: float) -> NDArray:
     """Direction (band,) degrees of the failed rock around each of its particles (k, 2) m that is in a band."""
-    found, full = [], np.pi * (radius / cell) ** 2
-    for own in cKDTree(place).query_ball_point(place, radius):
-        if MIN_NEIGHBOURS <= len(own) <= MAX_FILLED_SHARE * full:
-            apart = place[own] - place[own].mean(axis=0)
-            moments = apart.T @ apart / len(own) + np.eye(2) * cell**2 / 12.0
-            variance, axes = np.linalg.eigh(moments)
-            if variance[1] > MIN_ELONGATION * variance[0]:
-                found.append(np.degrees(np.arctan2(axes[1, 1], axes[0, 1])) % HALF_TURN)
-    return np.array(found)
+    normal = band_normals(place, cell, radius / cell)[1]
+    return (np.degrees(np.arctan2(normal[:, 1], normal[:, 0])) + RIGHT_ANGLE) % HALF_TURN
 
 
 def _runs(variant: Variant, radius: float) -> list[Failed]:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from verification.scenes import box, elastic, lengths, quantity, strengths
+from verification.scenes import box, elastic, lengths, quantity, strengths, value_of
 
 STEPS = ("history", "first", "second")
+VARIED = 3  # One in so many mines has rock whose strength varies, and rock that may fall.
 CONDITIONS = ("fixed", "roller", "traction", "free")
 FACES = {
     dimension: [f"{axis}_{side}" for axis in axes for side in ("lower", "upper")]
@@ -44,7 +45,7 @@ def random_mine(seed: int) -> dict:
             entry |= {"fill": "fill", "filled": STEPS[int(random.integers(mined, 3))]}
         entry |= _ball(random, lower, upper, dimension) if random.random() < 0.4 else _box(random, lower, upper)
         excavations.append(entry)
-    return {
+    mine = {
         "name": f"scene_{seed}",
         "plane": plane,
         "frame": {"surface": quantity(surface, "m")},
@@ -69,6 +70,26 @@ def random_mine(seed: int) -> dict:
             "weakest_first": float(random.choice([0.0, 0.5], p=[0.9, 0.1])),
         },
     }
+    return mine if seed % VARIED else _varied(mine, seed)
+
+
+def _varied(mine: dict, seed: int) -> dict:
+    """The mine with strength that varies where rock loses any, and with falls. It draws from numbers of its own, so
+    that the rest of the mine is what its seed always made it."""
+    random = np.random.default_rng([2026, seed, 1])
+    finest = value_of(mine["grid"]["coarse_cell"]) / 2 ** (mine["grid"]["levels"] - 1)
+    for rock in mine["materials"].values():
+        if rock["model"] == "coulomb" and _loses_strength(rock):
+            length = finest * float(random.choice([2.0, 4.0, 20.0]))
+            rock["variability"] = {"share": float(random.choice([0.05, 0.1, 0.3])), "length": quantity(length, "m")}
+    mine["solver"]["collapse"] = "fall"
+    return mine
+
+
+def _loses_strength(rock: dict) -> bool:
+    """True if a strength of the rock is smaller once it has failed."""
+    pairs = [pair for pair in rock.values() if isinstance(pair, dict) and "residual" in pair]
+    return any(value_of(pair["residual"]) < value_of(pair["intact"]) for pair in pairs)
 
 
 def _faces(random, faces) -> dict:

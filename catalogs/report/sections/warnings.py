@@ -7,6 +7,9 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
+from catalogs.compare.bands import MAX_RATIO, bands_of
 from catalogs.report.cell_effects import cells_too_large
 from catalogs.report.evidence import Evidence, ExcavationRow
 from catalogs.report.gallery import Gallery
@@ -16,6 +19,7 @@ from common.cell_sizes import CELLS_ACROSS_FILL, largest_cell
 
 MAX_OPEN_SHARE = 0.05  # Share of an excavation's volume that may depend on how its surface is closed without a banner.
 MAX_VOLUME_ERROR = 0.05  # Relative error of an excavation's volume on the grid without a banner.
+MIN_BAND_SHARE = 0.01  # Of the failed rock: smaller bands along the grid are told only where they are no chance.
 MAX_TRUNCATED_SHARE = 0.5  # With a larger share of overstressed rock too coarse to fail, the numbers are of no use.
 
 
@@ -48,7 +52,7 @@ def banners(evidence: Evidence) -> list[Banner]:
     """Banners of the report, those that make the numbers invalid first; others by topic."""
     found = [
         *_collapse(evidence), *_numbers(evidence), *_solids(evidence), *_falls(evidence), *_loose(evidence),
-        *_notes(evidence),
+        *_bands(evidence), *_notes(evidence),
     ]  # fmt: skip
     return sorted(found, key=lambda one: not one.invalid)
 
@@ -230,6 +234,31 @@ def _loose(evidence: Evidence) -> Iterator[Banner]:
         brief = f"{number(step['loose_volume'])} m³ of rock that nothing held count as excavated ({step['step']})"
         mend = Advice(f"Check the solids of step {step['step']} for thin shells between them.")
         yield Banner("note", text) if small else Banner("truncated", text, brief, mend)
+
+
+def _bands(evidence: Evidence) -> Iterator[Banner]:
+    """Bands of failed rock along the axes of the grid, where there are more of them than along mirrored directions."""
+    if evidence.state is None:
+        return
+    found = bands_of(evidence.state, float(evidence.grid.attrs["fine_cell"]))
+    along, mirrored = int(found.along.sum()), int(found.mirrored.sum())
+    failed = int(np.count_nonzero(evidence.state["failed"].values >= 0))
+    if not found.is_told and (along < MIN_BAND_SHARE * failed or along <= MAX_RATIO * mirrored):
+        return
+    text = (
+        f"Failed rock lies in thin bands along the axes of the grid at {plural(along, 'particle')}, in "
+        f"{plural(len(found.along), 'band')}. Along their mirror images, where rock without a grid breaks as often, it "
+        f"does at {whole(mirrored)}. "
+    )
+    if found.is_told:
+        text += f"Chance seldom makes such a difference (p = {found.chance:.2g}): the grid chooses these bands. "
+    else:
+        text += "So few bands may differ by chance. "
+    text += (
+        "Do not read such a band as a structure: its direction, and how far it reaches, may be those of the grid "
+        "(study bands). Compute the mine turned by some 20 degrees to see which bands stay."
+    )
+    yield Banner("note", text)
 
 
 def _notes(evidence: Evidence) -> Iterator[Banner]:
