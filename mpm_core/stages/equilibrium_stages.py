@@ -192,7 +192,7 @@ def finish(
     model, state, volume = body.model, body.state, body.volume
     body.commit()
     energy = balance.facts(body, target, moved)
-    conserved = mass_and_momentum(body)
+    conserved = mass_and_momentum(body, step)
     scheme.drop_work_arrays()  # as large as what is written now
     scene = model.scene
     rating = rate(model, state, volume)
@@ -242,14 +242,14 @@ def hourglass_energy(body: Body) -> dict[str, float]:
     }
 
 
-def mass_and_momentum(body: Body) -> dict[str, float]:
+def mass_and_momentum(body: Body, step: int) -> dict[str, float]:
     """Quantities that must be conserved: mass of rock and fill that are there, kg; net_force, N, which is momentum
     gained per second: the sum of what is unbalanced at free nodes; momentum_error: sum of the forces of cells on nodes,
     held ones too, over the sum of their sizes: 0 but for round-off (NaN where particles move, whose cells keep
     none)."""
     model, thickness = body.model, body.model.scene.thickness
     density = np.array([material.density for material in model.scene.materials.values()])
-    there = np.maximum(body.volume, model.material_volumes(model.step))
+    there = model.material_volumes(step)
     forces = nodal_forces(body)
     size, net = float(np.abs(forces).sum()), float(np.abs(forces.sum(axis=0)).sum())
     return {

@@ -30,7 +30,7 @@ MAX_OVERSTRESS_SHARE = 1e-3  # A stored stress may exceed strength by this share
 class Outcome:
     """End of a scene: its kind, a line about it, and the stored datasets by name: the grid, then each state.
 
-    has_begun: whether a solution was under way when it ended. Its last state then lies beside the output.
+    has_begun: whether a solution was under way when it ended. Its last state then lies beside the output, or is stored.
     """
 
     kind: str
@@ -75,8 +75,11 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
                 outcome.stored[name.removeprefix("steps/")] = dataset
         grid = outcome.stored["grid"]
         wrong = [fault for state in outcome.states.values() for fault in faults(values, grid, state)]
+        collapse = [state.attrs["collapse"] for state in outcome.states.values() if state.attrs["collapsed"]]
         if wrong:
             outcome.kind, outcome.message = WRONG, wrong[0]
+        elif collapse:
+            outcome.kind, outcome.message, outcome.has_begun = ENDED, collapse[0], True
     except InputError as error:
         outcome.kind, outcome.message = ENDED if "elastic" in outcome.stored else REFUSED, str(error)
     except TimeoutError:
@@ -84,7 +87,7 @@ def run(values: dict, folder: Path, seconds: int = MAX_SCENE_SECONDS) -> Outcome
         outcome.kind, outcome.message = HANGS, f"not done after {seconds} s: {stored} stored"
     except Exception:  # A traceback that a user would see is a finding here.
         outcome.kind, outcome.message = BROKEN, traceback.format_exc().strip().replace("\n", " | ")
-    outcome.has_begun = failed.exists()
+    outcome.has_begun |= failed.exists()
     return outcome
 
 
@@ -99,8 +102,9 @@ def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
     span = grid.node_position.values.max(axis=0) - grid.node_position.values.min(axis=0)
     if np.abs(state.node_displacement.values).max() > span.max():
         found.append(f"{name}: rock moved farther than the domain is wide")
+    rests = not state.attrs["collapsed"]  # else it is the last equilibrium before rock would have failed on
     ratio = float(state.attrs["unbalanced_ratio"])
-    if ratio > float(state.attrs["tolerance"]):
+    if rests and ratio > float(state.attrs["tolerance"]):
         found.append(f"{name}: stored with {ratio:.2g} unbalanced")
     if state.attrs["stage"] == "step":
         parts = state.seismic_strain.values + state.overshoot_strain.values + state.later_strain.values
@@ -108,7 +112,8 @@ def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
             found.append(f"{name}: strains do not add up")
         if (state.plastic_strain.values[~failed] != 0.0).any():
             found.append(f"{name}: intact rock has flowed")
-        found += [f"{name}: {fault}" for fault in _above_strength(values, grid, state, present, failed)]
+        if rests:
+            found += [f"{name}: {fault}" for fault in _above_strength(values, grid, state, present, failed)]
         dissipated = float(state.attrs["energy_dissipated"])
         scale = float(np.sum(np.abs(state.stress.values).max(axis=1) * np.abs(parts).max(axis=1) * volume))
         if dissipated < -1e-3 * scale:
@@ -134,6 +139,12 @@ def _above_strength(values, grid, state, present, failed):
         for kind, chosen in (("intact", ~failed & whole), ("residual", failed)):
             chosen = np.flatnonzero(chosen & rock_here & (state.material.values == number))
             if not len(chosen):
+                continue
+            if kind == "intact" and rock.get("variability", {}).get("share"):
+                # Its strength is known to the stage alone.
+                least = float(state.strength_factor.values[chosen].min())
+                if least < 1.0 - MAX_OVERSTRESS_SHARE:
+                    yield f"intact {material} has a strength factor of {least:.4g}"
                 continue
             s3, _, s1 = np.linalg.eigvalsh(tensor[chosen]).T
             phi, cohesion = np.radians(value_of(rock["friction_angle"][kind])), value_of(rock["cohesion"][kind])
