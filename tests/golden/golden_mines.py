@@ -15,6 +15,13 @@ CORES = 2
 ALL_BRANCHES = ("all", "baselines", "plans", "calibrate")
 ONLY = {"later": {"forecast_scores.nc", "report.html"}}
 """Results that are pinned of runs that otherwise repeat another one."""
+COMMON_INSTRUCTIONS = {
+    "NUMBA_CPU_NAME": "haswell",
+    "NUMBA_CPU_FEATURES": "",
+    "OPENBLAS_CORETYPE": "Haswell",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+}
+"""Instructions that all processors since 2013 have. With others, round-off differs, and then which rock fails."""
 SHOWN_LINES = 40  # of the terminal of a run that failed
 
 
@@ -25,7 +32,7 @@ def run(mine_file: Path, folder: Path, *targets: str) -> Path:
     """
     snakemake = [sys.executable, "-m", "snakemake", *targets, "--cores", str(CORES), "--directory", str(folder)]
     line = [*snakemake, "--snakefile", str(ROOT / "Snakefile"), "--configfile", str(mine_file)]
-    environment = os.environ | {"PYTHONIOENCODING": "utf-8"}
+    environment = os.environ | COMMON_INSTRUCTIONS | {"PYTHONIOENCODING": "utf-8"}
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
     process = subprocess.run(line, **streams, env=environment, encoding="utf-8", errors="replace", check=False)
     if process.returncode:
