@@ -23,6 +23,7 @@ from common.errors import InputError
 FOLDER = "jobs"  # below results/<mine>
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
 MADE_FROM = "made_from"
+CONTAINERS = (dict, list, tuple)
 AS_WRITTEN = {"config", "default", "text"}  # keys that quote a mine's file: no file is opened by them
 REMEDY = "jobs stand in results/<mine>/jobs; the next run writes deleted ones again"
 
@@ -165,11 +166,12 @@ def files_of(settings) -> Iterator[Path]:
         for key in sorted(settings.keys() - AS_WRITTEN):
             if key == "file" and isinstance(settings[key], str):
                 yield Path(settings[key])
-            else:
+            elif isinstance(settings[key], CONTAINERS):
                 yield from files_of(settings[key])
     elif isinstance(settings, list | tuple):
         for entry in settings:
-            yield from files_of(entry)
+            if isinstance(entry, CONTAINERS):  # most are not
+                yield from files_of(entry)
 
 
 @functools.cache

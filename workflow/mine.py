@@ -5,6 +5,8 @@ not mined yet is the same in a slice whether it is planned or dated later: givin
 that month.
 """
 
+import functools
+from bisect import bisect_right
 from collections.abc import Sequence
 from typing import Self
 
@@ -71,18 +73,6 @@ class Mine(MineConfiguration):
         """
         settings = self.settings
 
-        def excavation(entry: Excavation) -> dict:
-            mined, filled = self.step_index(entry.step), self.step_index(entry.fill_step)
-            placed = entry.fill_material is not None and 0 <= filled <= last
-            pressure = [pair for pair in self.pressure(entry) if mined <= pair[0] <= last]
-            return {
-                "name": entry.name,
-                "mined": mined if mined <= last else -1,
-                "fill": entry.fill_material if placed else None,
-                "filled": filled if placed else -1,
-                **({"pressure": pressure} if pressure else {}),
-            }
-
         def load(entry: Load) -> dict:
             return {
                 "name": entry.name,
@@ -97,7 +87,7 @@ class Mine(MineConfiguration):
 
         loads = [load(entry) for entry in settings.loads if self.step_index(entry.step) <= last]
         strains = [strain(entry) for entry in settings.strains if self.step_index(entry.step) <= last]
-        excavations = [excavation(entry) for entry in self.excavations]
+        excavations = [parts[bisect_right(changes, last)] for changes, parts in self._excavations_by_step]
         used = {"host", *(body.material for body in settings.rock_bodies)}
         used |= {entry["fill"] for entry in excavations if entry["fill"]}
         return {
@@ -120,6 +110,30 @@ class Mine(MineConfiguration):
             **({"realization": self.realization} if self.realization else {}),
             "steps": [{"name": step.name} for step in self.steps[: last + 1]],  # rock knows no dates
             "solver": settings.solver.given(),
+        }
+
+    @functools.cached_property
+    def _excavations_by_step(self) -> list[tuple[list[int], list[dict]]]:
+        """For each excavation the steps that change its part of the mechanics, in order; its part before the first of
+        them, and from each of them on. A mine of years has a slice for each of its steps."""
+        found = []
+        for entry in self.excavations:
+            steps = {self.step_index(name) for name in (entry.step, entry.fill_step)}
+            changes = sorted({*steps, *(step for step, _ in self.pressure(entry))} - {-1})
+            found.append((changes, [self._excavation(entry, last) for last in (-1, *changes)]))
+        return found
+
+    def _excavation(self, entry: Excavation, last: int) -> dict:
+        """What the mechanics up to step number `last` depend on of an excavation."""
+        mined, filled = self.step_index(entry.step), self.step_index(entry.fill_step)
+        placed = entry.fill_material is not None and 0 <= filled <= last
+        pressure = [pair for pair in self.pressure(entry) if mined <= pair[0] <= last]
+        return {
+            "name": entry.name,
+            "mined": mined if mined <= last else -1,
+            "fill": entry.fill_material if placed else None,
+            "filled": filled if placed else -1,
+            **({"pressure": pressure} if pressure else {}),
         }
 
     def _insitu_stress(self) -> dict[str, list[float]]:

@@ -3,6 +3,8 @@
 import copy
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from tiny_mines import DIRECTED, NEXT_STEP, STRAIN, TINY, box, merged
 
 from common.errors import InputError
@@ -50,6 +52,32 @@ def test_pressure_on_a_wall_stands_in_the_slices_of_the_steps_that_it_acts_in(ac
     assert late.grid_slice() == accept(TINY, **{"excavations.0.step": "2019-08"}).grid_slice()
     planned = accept(TINY, **{"excavations.2.pressure": "5 MPa", "excavations.2.fill": "none"})
     assert "pressure" not in planned.step_slice("2019-08")["excavations"][2]
+
+
+@given(
+    st.lists(st.tuples(*[st.integers(0, 4)] * 2, st.booleans(), st.sets(st.integers(0, 4))), min_size=1, max_size=4),
+    st.integers(0, 4),
+)
+def test_what_is_mined_filled_and_under_pressure_follows_the_steps(entries, last):
+    """Slow twin: each excavation by itself. Steps are 0 to 3; 4 is planned."""
+    steps = [f"2019-{month:02d}" for month in range(1, 5)]
+    dated = [{"name": name, "start": f"{name}-01", "end": f"{name}-20"} for name in steps]
+    names, excavations = [*steps, "planned"], []
+    for number, (mined, filled, is_filled, pressed) in enumerate(entries):
+        low = [10 + 15 * number, 30, 30]
+        entry = box(f"stope_{number}", names[mined], low, [low[0] + 10, 40, 40], fill="none")
+        if is_filled and mined < 4:
+            entry |= {"fill": "fill", "filled": names[max(mined, filled)]}
+        elif pressed := sorted(step for step in pressed if mined <= step < 4):
+            entry |= {"pressure": {names[step]: f"{step} MPa" for step in pressed}}
+        excavations.append(entry)
+    values = {key: value for key, value in TINY.items() if key != "record"} | {
+        "steps": dated,
+        "excavations": excavations,
+    }
+    mine = load(merged(values), "mine.yaml")
+    found = mine.mechanics_slice(min(last, 3))["excavations"]
+    assert found == [mine._excavation(entry, min(last, 3)) for entry in mine.excavations]
 
 
 @pytest.mark.parametrize(
