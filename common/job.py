@@ -23,7 +23,6 @@ from common.errors import InputError
 FOLDER = "jobs"  # below results/<mine>
 PACKAGES = ("numpy", "numba", "scipy", "scikit-learn", "xarray", "netCDF4", "obspy")
 MADE_FROM = "made_from"
-CONTAINERS = (dict, list, tuple)
 AS_WRITTEN = {"config", "default", "text"}  # keys that quote a mine's file: no file is opened by them
 REMEDY = "jobs stand in results/<mine>/jobs; the next run writes deleted ones again"
 
@@ -96,9 +95,11 @@ def write_job(
     """
     from common.datasets import atomic_path  # here: what only reads jobs need not wait for xarray
 
-    files = {path.as_posix(): content_of(path) for path in files_of(settings)}
-    values = {"stage": stage, "settings": settings, "inputs": inputs, "code": code, "files": files}
+    values = {"stage": stage, "settings": settings, "inputs": inputs, "code": code, "files": {}}
     text = json.dumps(values, sort_keys=True)
+    if '"file": ' in text:  # else no setting names one, and a mine of years has many settings to look through
+        values["files"] = {path.as_posix(): content_of(path) for path in files_of(settings)}
+        text = json.dumps(values, sort_keys=True)
     # A folder for each job: Snakemake keeps what it has seen in a folder, and would miss a file that is written later.
     path = Path(folder, FOLDER, stage, part, f"{content_hash(text)}.json")
     try:
@@ -166,12 +167,11 @@ def files_of(settings) -> Iterator[Path]:
         for key in sorted(settings.keys() - AS_WRITTEN):
             if key == "file" and isinstance(settings[key], str):
                 yield Path(settings[key])
-            elif isinstance(settings[key], CONTAINERS):
+            else:
                 yield from files_of(settings[key])
     elif isinstance(settings, list | tuple):
         for entry in settings:
-            if isinstance(entry, CONTAINERS):  # most are not
-                yield from files_of(entry)
+            yield from files_of(entry)
 
 
 @functools.cache
