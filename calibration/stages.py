@@ -20,6 +20,7 @@ from calibration.settings import CalibrationSettings
 from calibration.surrogate import Surrogate
 from calibration.tradeoffs import further_points
 from calibration.trials import (
+    MIN_PAIRS,
     NUMBER,
     PLACES,
     POTENCY,
@@ -68,7 +69,9 @@ class TrialCatalogues:
             collapsed[number] = collapsed[number] or str(found[0].attrs.get("collapsed", ""))
         collapsed = {number: reason for number, reason in collapsed.items() if reason}
         paired = [number for number in range(first, first + len(of_finer)) if number not in collapsed]
-        if len(collapsed) > MAX_COLLAPSED_SHARE * len(of_trials) or (of_finer and not paired):
+        lost = sum(number >= first for number in collapsed)  # of those that are no replicates
+        share = lost / max(len(of_trials) - first, 1)
+        if share > MAX_COLLAPSED_SHARE or len(paired) < min(MIN_PAIRS, len(of_finer)):
             worst, reason = next(iter(collapsed.items()))
             raise InputError(
                 f"calibration.quantities: rock found no equilibrium in {len(collapsed)} of {len(of_trials)} trials, "

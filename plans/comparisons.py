@@ -49,6 +49,11 @@ class Comparisons:
         self._whole: dict[tuple[str, str], Difference] = {}
         self._chances: dict[tuple[str, float, str], Difference] = {}
 
+    def pairs(self, plan: PlanSummary) -> int:
+        """Number of runs of a plan, and of the first one, that stand in both."""
+        both = [plan.outcome, self.first.outcome]
+        return len(paired_sums(both, "whole_potency", LIKE_OWN)[0])
+
     def steps(self, plan: PlanSummary) -> Steps:
         """Steps of a plan and of the first one whose runs differ."""
         return self._steps[plan.name]
@@ -128,7 +133,9 @@ class Comparisons:
         others = [one for one in self.plans[1:] if not self.chance(one, distance, size).is_significant]
         alike = [self.first, *others]
         is_alike = any(one is plan for one in alike)
-        return float(np.mean([one.chance(ANY, distance, size)[0] for one in (alike if is_alike else [plan])]))
+        found = [one.chance(ANY, distance, size)[0] for one in (alike if is_alike else [plan])]
+        known = [one for one in found if np.isfinite(one)]  # a plan with too few runs that stand has none
+        return float(np.mean(known)) if known else np.nan
 
 
 def _chance_interval(ratio: NDArray, number: NDArray) -> NDArray:

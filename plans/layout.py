@@ -229,6 +229,15 @@ class PlanSummary:
         """True if it has a run of this kind that stands."""
         return bool(((self.outcome["run_kind"].values == kind) & self.stands).any())
 
+    def has_lost(self, kind: str) -> bool:
+        """True if a run of this kind does not stand."""
+        return bool(((self.outcome["run_kind"].values == kind) & ~self.stands).any())
+
+    @property
+    def asked(self) -> int:
+        """Number of its own run and the members, of which some may not stand."""
+        return int(np.isin(self.outcome["run_kind"].values, LIKE_OWN).sum())
+
     def mined_in(self, opening: str) -> str:
         """Name of the dated step that mines an opening; empty for one that is mined before."""
         return str(self._values["opening_step"][self._places["opening"][opening]])

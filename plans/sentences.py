@@ -211,12 +211,22 @@ def missing(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
     """State the uncertainties that intervals lack, and the key of the mine file that adds each."""
     plans = comparisons.plans
     lines = []
-    if (runs := min(plan.runs for plan in plans)) < MIN_RUNS:
+    asked = min(plan.asked for plan in plans)
+    if (runs := min(comparisons.pairs(plan) for plan in plans)) < MIN_RUNS:
+        has, more = f"Each plan has {plural(runs, 'run')}", MIN_RUNS
+        if runs < asked:
+            has = f"Of {plural(asked, 'run')} of each plan, {whole(runs)} {'is' if runs == 1 else 'are'} left"
+            more = max(asked, MIN_RUNS) + asked - runs
         lines.append(
-            f"Each plan has {plural(runs, 'run')}, too few to say how another run would differ. Plans with fewer than "
-            f"{MIN_RUNS} runs get no interval, no verdict and no chance. Set hazard.runs to {MIN_RUNS} or more."
+            f"{has}, too few to say how another run would differ. Plans with fewer than {MIN_RUNS} runs get no "
+            f"interval, no verdict and no chance. Set hazard.runs to {more} or more."
         )
-    if not all(plan.has_runs(COARSE) for plan in plans):
+    if any(plan.has_lost(COARSE) for plan in plans):
+        lines.append(
+            "Intervals do not contain what the cells change, since rock finds no equilibrium in a plan on cells of "
+            "twice the size."
+        )
+    elif not all(plan.has_runs(COARSE) for plan in plans):
         lines.append(
             "Intervals do not contain what the cells change, since a plan has no run on cells of twice the size "
             "(grid_convergence)."
@@ -226,7 +236,12 @@ def missing(comparisons: Comparisons, settings: HazardSettings) -> list[str]:
             "Intervals of ratios do not contain what the cells change, since a plan makes nothing on cells of twice "
             "the size that could be compared."
         )
-    if not all(plan.has_runs(DRAW) for plan in plans):
+    if any(plan.has_lost(DRAW) and ROCK in json.loads(plan.outcome.attrs["lacks"]) for plan in plans):
+        lines.append(
+            "Intervals do not contain what is not known of the rock, since it finds no equilibrium in too many of its "
+            "draws."
+        )
+    elif not all(plan.has_runs(DRAW) for plan in plans):
         lines.append(
             "Intervals do not contain what is not known of the rock. After snakemake calibrate, set hazard.rock to "
             "posterior."

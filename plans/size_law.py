@@ -69,14 +69,24 @@ def _interval(draws: NDArray) -> NDArray:
 
 
 def distinct_steps(plans: Sequence[Sequence[Sequence[StepResult]]]) -> list[list[StepResult]]:
-    """Results of the runs of each step of all plans, in order of their files; a file that plans share comes once."""
-    seen: set[str] = set()
-    steps = []
+    """Results of the runs of each step of all plans, in order of their files; a file that plans share comes once.
+
+    Steps that share a file are one, though a plan may lack runs of it that have collapsed later.
+    """
+    steps: list[list[StepResult]] = []
+    known: dict[str, list[StepResult]] = {}  # by file
     for plan in plans:
         for step in zip(*plan, strict=True):
-            steps.append([one for one in step if not one.file or one.file not in seen])
-            seen.update(one.file for one in step)
-    return sorted((step for step in steps if step), key=lambda step: step[0].file)
+            same = next((known[one.file] for one in step if one.file in known), None)
+            if same is None:
+                same = []
+                steps.append(same)
+            for one in step:
+                if not one.file or one.file not in known:
+                    same.append(one)
+                if one.file:
+                    known[one.file] = same
+    return sorted(steps, key=lambda step: step[0].file)
 
 
 def independent_share(steps: Sequence[Sequence[StepResult]]) -> float:

@@ -183,7 +183,7 @@ def exposed_rows(plans: Sequence[PlanSummary], settings: HazardSettings) -> list
         (plan.name, opening): plan.chance(opening, distance, size) for plan in plans for opening in plan.openings
     }
     names = list(dict.fromkeys(opening for plan in plans for opening in plan.openings))
-    most = {name: max(chances[one][0] for one in chances if one[1] == name) for name in names}
+    most = {name: np.nanmax([0.0, *(chances[one][0] for one in chances if one[1] == name)]) for name in names}
     shown = sorted((name for name in names if most[name] > 0.0), key=lambda name: -most[name])[:MAX_OPENINGS]
     return [
         {

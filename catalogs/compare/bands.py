@@ -6,6 +6,7 @@ lie along cells, or whose mirror images would, as many do the one as the other, 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -24,6 +25,7 @@ MIN_ELONGATION = 3.0  # nor is a smaller ratio of the variances along and across
 TOLERANCE = 7.5  # Largest angle between directions that count as one, degrees.
 MAX_RATIO = 1.25  # Of bands along the grid over mirrored ones: more is a preference,
 SIGNIFICANCE = 0.1  # if chance makes as many less often than this.
+MIN_APART = 30.0  # Degrees between a band and its mirror image: one that opens is nearly its own.
 DRAWS, SEED = 10_000, 1
 AT_ONCE = 20_000  # Particles whose neighbours are held in memory.
 
@@ -67,15 +69,15 @@ class GridPreference:
     along: NDArray
     mirrored: NDArray
 
-    @property
+    @cached_property
     def chance(self) -> float:
         """Chance of as many particles along the grid, or more, if MAX_RATIO times as many bands lie there as along
         mirror images. A band is one choice, however long it is."""
-        sizes = np.concatenate([self.along, self.mirrored])
-        if not len(sizes):
-            return 1.0
-        lies = np.random.default_rng(SEED).random((DRAWS, len(sizes))) < MAX_RATIO / (1.0 + MAX_RATIO)
-        return float((1 + np.count_nonzero(lies @ sizes >= self.along.sum())) / (1 + DRAWS))
+        sizes, generator, as_many = np.concatenate([self.along, self.mirrored]), np.random.default_rng(SEED), 0
+        for _ in range(DRAWS if len(sizes) else 0):
+            lies = generator.random(len(sizes)) < MAX_RATIO / (1.0 + MAX_RATIO)
+            as_many += bool(sizes[lies].sum() >= self.along.sum())
+        return (1 + as_many) / (1 + DRAWS) if len(sizes) else 1.0
 
     @property
     def is_told(self) -> bool:
@@ -87,16 +89,24 @@ def bands_of(state: xr.Dataset, cell: float) -> GridPreference:
     """Bands of the failed rock of a state, of whatever step; cell: edge of a finest cell, m."""
     failed = np.flatnonzero((state["failed"].values >= 0) & (state["volume"].values > 0.0))
     plane = state.attrs.get("plane", "none")
-    strain = tensor_from_voigt(state["plastic_strain"].values[failed])
-    return grid_preference(part_centers(state)[failed], strain, cell, "xyz" if plane == "none" else plane)
+    place, strain = part_centers(state)[failed], tensor_from_voigt(state["plastic_strain"].values[failed])
+    if "cell" in state:  # which may hold several particles
+        _, first, count = np.unique(state["cell"].values[failed], return_index=True, return_counts=True)
+        order = np.argsort(state["cell"].values[failed], kind="stable")
+        start = np.cumsum([0, *count])[:-1]
+        place, strain = (
+            np.add.reduceat(one[order], start) / count.reshape(-1, *[1] * (one.ndim - 1)) if len(first) else one
+            for one in (place, strain)
+        )
+    return grid_preference(place, strain, cell, "xyz" if plane == "none" else plane)
 
 
 def grid_preference(place: NDArray, strain: NDArray, cell: float, axes: str = "xyz") -> GridPreference:
     """Count bands of failed rock along the axes of the grid and mirrored ones.
 
-    place (k, 3) m; strain (k, 3, 3): plastic strain of each particle; cell: edge of a finest cell, m; axes: of the
-    grid, two in plane strain. The mechanism of a band is that of its particle's surroundings. Bands that are their own
-    mirror image, as cracks that open are, count for neither.
+    place (k, 3) m; strain (k, 3, 3): plastic strain of each particle, one in a cell; cell: edge of a finest cell, m;
+    axes: of the grid, two in plane strain. The mechanism of a band is that of its particle's surroundings. Bands within
+    MIN_APART of their mirror image, as cracks and skins that open are, count for neither.
     """
     own = ["xyz".index(axis) for axis in axes]
     chosen, in_plane = band_normals(place[:, own], cell)
@@ -106,7 +116,8 @@ def grid_preference(place: NDArray, strain: NDArray, cell: float, axes: str = "x
     mirrored = normal - 2.0 * (normal * tension).sum(axis=1, keepdims=True) * tension
     least = np.cos(np.radians(TOLERANCE))
     lies, would = (np.abs(one[:, own]).max(axis=1, initial=0.0) >= least for one in (normal, mirrored))
-    here, there = place[chosen[lies & ~would]], place[chosen[would & ~lies]]
+    is_sheared = np.abs((normal * mirrored).sum(axis=1)) < np.cos(np.radians(MIN_APART))
+    here, there = place[chosen[lies & ~would & is_sheared]], place[chosen[would & ~lies & is_sheared]]
     return GridPreference(_bands(here, cell), _bands(there, cell))
 
 

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from catalogs.compare.bands import GridPreference, band_normals, grid_preference
+from catalogs.compare.bands import GridPreference, band_normals, bands_of, grid_preference
+from common.voigt import voigt_from_tensor
 
 CELL = 2.0
 
@@ -73,8 +75,10 @@ def test_bands_along_the_grid_and_their_mirror_images_are_told_apart():
     assert len(along.mirrored) == 0
     assert len(mirrored.along) == 0
     assert mirrored.mirrored.sum() > 10
-    opens = of(np.array([0.0, 0.0, 1.0]), np.diag([-0.5, -0.5, 1.0]))
-    assert len(opens.along) + len(opens.mirrored) == 0
+    for tilt in (0.0, 5.0, 12.0):  # a skin that opens is nearly its own mirror image
+        tension = normal_at(tilt)
+        opens = of(np.array([0.0, 0.0, 1.0]), 1.5 * np.outer(tension, tension) - 0.5 * np.eye(3))
+        assert len(opens.along) + len(opens.mirrored) == 0
 
 
 @given(st.permutations([0, 1, 2]), st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3), st.integers(0, 10**6))
@@ -88,6 +92,32 @@ def test_axes_that_change_places_or_signs_change_nothing(order, signs, seed):
     first = of(np.array([0.0, 0.0, 1.0]), strain)
     assert found.along.tolist() == first.along.tolist()
     assert found.mirrored.tolist() == first.mirrored.tolist()
+
+
+def test_particles_of_one_cell_count_as_one():
+    """Eight in each cell of a sheet: the same bands as with one."""
+    strain, _ = conjugate(np.array([0.0, 0.0, 1.0]))
+    place = sheet(np.array([0.0, 0.0, 1.0]))
+    corners = 0.25 * CELL * (np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), axis=-1).reshape(-1, 3))
+    found = []
+    for shifts in (np.zeros((1, 3)), corners):
+        count = len(shifts)
+        position = (place[:, None] + shifts).reshape(-1, 3)
+        shuffled = np.random.default_rng(1).permutation(len(position))
+        cell = np.repeat(np.arange(len(place)), count)
+        state = xr.Dataset(
+            {
+                "position": (("particle", "xyz"), position[shuffled]),
+                "cell": ("particle", cell[shuffled]),
+                "failed": ("particle", np.zeros(len(position), np.int32)),
+                "volume": ("particle", np.ones(len(position))),
+                "plastic_strain": (("particle", "voigt"), np.tile(voigt_from_tensor(strain), (len(position), 1))),
+            }
+        )
+        found.append(bands_of(state, CELL))
+    assert found[0].along.sum() > 20
+    assert found[1].along.tolist() == found[0].along.tolist()
+    assert found[1].mirrored.tolist() == found[0].mirrored.tolist()
 
 
 def drawn(random, bands, share):

@@ -10,7 +10,7 @@ from pins import Pin, Pins, processor
 
 FOLDER = Path(__file__).parent
 SUMMARY_TOLERANCE = 0.01  # relative; for another processor or other versions of numpy and numba
-NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|e[-+]?\d+)?")
+NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|e[-+−]?\d+)?")
 SMALLEST_SCALE = 1e-10  # of a relative difference: smaller values are rounding errors
 
 

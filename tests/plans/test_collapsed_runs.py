@@ -20,9 +20,11 @@ from plans.differences import NUMBER, paired_sums
 from plans.layout import ANY, LIKE_OWN, PlanSummary
 from plans.outcome import make_outcome
 from plans.page import write_report
-from plans.sentences import collapsed
-from plans.settings import PlansReportSlice
-from plans.tables import plan_rows
+from plans.runs import read_run
+from plans.sentences import collapsed, missing
+from plans.settings import PlansReportSlice, RunFiles
+from plans.size_law import distinct_steps
+from plans.tables import exposed_rows, plan_rows
 
 GRID = made_up_grid()
 LAST = STEPS[-1].name
@@ -62,6 +64,48 @@ def test_plans_are_compared_by_the_runs_that_stand_in_both(tmp_path):
     np.testing.assert_array_equal(found, expected)
     ratio = Comparisons(both).whole(both[1], NUMBER).value
     assert ratio == pytest.approx(expected[1].mean() / expected[0].mean())
+
+
+def test_too_few_runs_are_said_to_be_so_by_what_is_left(tmp_path):
+    """Five runs each, one lost in each plan and not the same: three pairs are left, and two more have to stand."""
+    plans = []
+    for seed, (name, lost) in enumerate([("a", 2), ("b", 4)]):
+        runs = [one for n, one in enumerate(ensemble(tmp_path / name, seed + 1, lost=[lost])) if n < 5]
+        plans.append(PlanSummary(make_outcome(outcome_slice(runs, name), GRID)))
+    comparisons, settings = Comparisons(plans), PlansReportSlice.of({"mine": MINE, "hazard": HAZARD}).hazard
+    assert comparisons.pairs(plans[1]) == 3
+    said = [line for line in missing(comparisons, settings) if "too few to say" in line]
+    assert said[0].startswith("Of 5 runs of each plan, 3 are left, too few")
+    assert said[0].endswith("Set hazard.runs to 7 or more.")
+
+
+def test_a_plan_short_of_runs_takes_no_chance_from_the_others(tmp_path):
+    """It has none itself. In whatever order plans stand."""
+    many = make_outcome(outcome_slice(ensemble(tmp_path / "many", 1), "many"), GRID)
+    few = make_outcome(outcome_slice(ensemble(tmp_path / "few", 3, lost=[1, 2, 3]), "few"), GRID)
+    settings = PlansReportSlice.of({"mine": MINE, "hazard": HAZARD}).hazard
+    for order in ([many, few], [few, many]):
+        plans = [PlanSummary(one) for one in order]
+        assert [row["opening"] for row in exposed_rows(plans, settings)]
+        known = Comparisons(plans).class_chance(plans[0], 10.0, "felt")
+        assert known == PlanSummary(many).chance(ANY, 10.0, "felt")[0]
+
+
+def test_the_law_of_sizes_does_not_depend_on_the_order_of_plans(tmp_path):
+    """Two plans share a step, of which one lacks a run that collapses later."""
+    shared = ensemble(tmp_path / "shared", 1)
+    lost = ensemble(tmp_path / "lost", 2, lost=[2])
+    other = [
+        {**one, "events": [first["events"][0], one["events"][1]], "states": [first["states"][0], one["states"][1]]}
+        for first, one in zip(shared, lost, strict=True)
+    ]
+    found = []
+    for plans in ([shared, other], [other, shared]):
+        read = [[read_run(RunFiles.of(run, "runs"), STEPS, MINE) for run in plan] for plan in plans]
+        stands = [[run for run in plan if not any(step.collapsed for step in run)] for plan in read]
+        found.append(sorted(sorted(one.file for one in step) for step in distinct_steps(stands)))
+    assert found[0] == found[1]
+    assert [len(step) for step in found[0]].count(7) == 2  # the shared one, and the second of the plan that stands
 
 
 def test_a_collapsed_coarse_run_says_nothing_of_the_cells(tmp_path):

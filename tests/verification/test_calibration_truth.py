@@ -9,7 +9,7 @@ from calibration.fit import Rows, calibrate
 from calibration.posterior import sobol_points
 from calibration.recorded import RecordedOutputs
 from calibration.settings import CalibrationSettings, strength_under
-from calibration.stages import Calibration
+from calibration.stages import Calibration, TrialCatalogues
 from calibration.trials import MEAN_POTENCY, CellCorrection, Discrepancy, Outputs
 from verification.calibration_truth import claims
 from verification.calibration_truth.settings import SAME_LAW, case_slice, records, truths
@@ -54,7 +54,7 @@ def calibrated(shift=0.0, correction=None) -> Calibration:
     recorded = RecordedOutputs(expected, number, 1.5, 0.0, np.sqrt(0.03) * np.concatenate([np.eye(3), -np.eye(3)]))
     correction = correction or CellCorrection.none(rows.outputs)
     fit = calibrate(rows, correction, recorded, ("potency", "number"), 0.1, seed=1)
-    return Calibration(SETTINGS, ("one", "two"), [], -2.0, rows, None, fit)
+    return Calibration(SETTINGS, ("one", "two"), [], -2.0, rows, None, fit, TrialCatalogues(points, [], rows.trials))
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ def test_chains_and_weighted_points_agree(found, monkeypatch):
     other = calibrated(shift=0.5)
     mixed = Calibration(
         SETTINGS, found.steps, [], found.cut, found.rows, None,
-        type(found.fit)(found.fit.surrogate, found.fit.likelihood, other.fit.posterior),
+        type(found.fit)(found.fit.surrogate, found.fit.likelihood, other.fit.posterior), found.trials,
     )  # fmt: skip
     assert not all(row.holds for row in claims.chain_claims(mixed))
 

@@ -35,8 +35,9 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> dict[str, Any]:
     trials, finer = (list(map(Path, inputs.get(name, []))) for name in ("trials", "finer"))
     given = read_job(settings).settings
     varied = given | {"calibration": given["calibration"] | {"terms": TERMS[name]}}
-    designed = np.array([number for number, trial in enumerate(given["trials"]) if trial["kind"] == "design"])
     found = read_calibration(varied, trials, finer, record)
+    kinds = [trial["kind"] for trial in given["trials"]]
+    designed = np.array([n for n, kind in enumerate(kinds) if kind == "design" and n not in found.trials.collapsed])
     tested = found.self_test(designed)
     rows = claims.self_test_claims(found, tested, designed)
     for path in inputs["records"]:

@@ -79,7 +79,8 @@ def compare(name: str, values: dict, first: Outcome, run: Callable[[dict], Outco
         rests, scene, ends = (first, values, second) if first.kind == RESTS else (second, changed, first)
         if RUNS_AWAY in ends.message:
             return "" if is_rest(scene, rests, run) else f"no rest at a tenth of the tolerance: {ends.message}"
-    if first.kind != second.kind and not (name == "shifted" and varies(values)):
+    both = {first.kind, second.kind}
+    if len(both) > 1 and not (name == "shifted" and varies(values) and both == {RESTS, ENDED}):
         return f"{first.kind} and {second.kind}: {first.message or second.message}"
     if "elastic" in first.stored and "elastic" in second.stored:
         motions = [outcome.state("elastic").node_displacement.values for outcome in (first, second)]

@@ -17,7 +17,7 @@ def plan_outcome(job: Job) -> None:
     files = {name: job.input_if_any(name) for name in ("record", "comparison")}
     found = outcome_stage(job.settings, grid=job.input("grid"), **files)
     outcome, kept = found.assign_attrs(job.provenance()), _kept(job)
-    if not kept.is_file() and not outcome.attrs["collapsed"]:
+    if not kept.is_file() and not outcome.attrs.get("collapsed"):
         write_dataset(outcome, kept)
     write_dataset(outcome, job.output())
 
