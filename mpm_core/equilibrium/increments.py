@@ -82,7 +82,7 @@ class Increments:
     def _resize(self, factor: float, accepted: bool, history: History) -> bool:
         size, requested = (history.load - history.load_before) * self.parts, history.size
         history.size = max(2.0 ** np.floor(np.log2(size * factor)), MIN_INCREMENT)
-        if accepted or min(size, requested) <= MIN_INCREMENT:  # the former to round-off
+        if accepted or min(size - ROUND_OFF, requested) <= MIN_INCREMENT:
             return True
         history.size = min(history.size, 0.5 * requested)  # whatever round-off makes of it: the next try is another
         history.load, history.increment = history.load_before, history.increment - 1

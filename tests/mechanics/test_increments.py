@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mechanics.killed import Killed, KilledAfter
@@ -132,6 +132,7 @@ def increments_of(parts):
     return Increments(SimpleNamespace(scene=scene, is_brittle=lambda: True), False)
 
 
+@example([3.0, 0.0, 2.0, 4.0, 0.0, 2.0], 3)  # the smallest increment, but for round-off
 @given(st.lists(st.floats(0.0, 30.0), max_size=600), st.sampled_from([1, 3, 4, 7, 12]))
 def test_chosen_increments_are_blocks_of_a_part(ratios, parts):
     """Halvings and doublings that start at their own multiples: two runs meet again at each multiple of the larger
