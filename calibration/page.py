@@ -31,8 +31,7 @@ class Trials:
     """The trials of a fit, in order: names, and the kind of each: `replicate`, `design`, `further` or `collapsed`.
 
     pairs: number of those that were run on finer cells, too. collapsed: why rock found no equilibrium, by number of the
-    trial; such trials are left out. nothing_fails_before_record: history mines openings, and
-    no rock fails in it.
+    trial; such trials are left out. nothing_fails_before_record: history mines openings, and no rock fails in it.
     """
 
     names: list[str]

@@ -21,7 +21,17 @@ from common.source_tensors import moment_of_magnitude
 from plans.hazard import find_hazard
 from plans.layout import ANY, LIKE_OWN, OWN, new_outcome
 from plans.record import is_ahead, read_recorded
-from plans.runs import Geometry, StepResult, collapsed_in, common_floor, counts, digest, read_run, read_steps
+from plans.runs import (
+    Geometry,
+    StepResult,
+    collapsed_in,
+    common_floor,
+    counts,
+    digest,
+    has_collapsed,
+    read_run,
+    read_steps,
+)
 from plans.settings import OutcomeSlice
 
 
@@ -55,7 +65,7 @@ def make_outcome(
     geometry = Geometry.of(grid, settings.openings, steps)
     runs = [read_run(run, steps, settings.mine) for run in settings.runs]
     collapsed = collapsed_in(runs[0], steps)  # If the plan's own run has, its page leaves the plan out as a whole.
-    stands = np.array([bool(collapsed) or not collapsed_in(run, steps) for run in runs])
+    stands = np.array([bool(collapsed) or not has_collapsed(run) for run in runs])
     like_own = [number for number, kind in enumerate(kinds) if kind in LIKE_OWN and stands[number]]
     recorded = read_recorded(settings, record, comparison) if record is not None and comparison is not None else None
     known = {step.file: step for run in runs for step in run}
@@ -102,9 +112,8 @@ def _standing(runs: Sequence[tuple[str, list[StepResult]]]) -> list[tuple[str, l
     whose own run has."""
     found, is_lost = [], False
     for kind, run in runs:
-        collapsed = any(step.collapsed for step in run)
-        is_lost = collapsed if kind == OWN else is_lost
-        if not (is_lost or collapsed):
+        is_lost = has_collapsed(run) if kind == OWN else is_lost
+        if not (is_lost or has_collapsed(run)):
             found.append((kind, run))
     return found
 

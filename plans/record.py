@@ -16,7 +16,7 @@ from catalogs.sources.completeness import next_edge, rounding
 from catalogs.sources.sizes import log_potency
 from common.errors import InputError
 from plans.layout import DRAW, LIKE_OWN, OWN
-from plans.runs import StepResult, read_run
+from plans.runs import StepResult, has_collapsed, read_run
 from plans.settings import OutcomeSlice
 
 MONTH = 30.0  # days
@@ -32,12 +32,11 @@ class RecordedNumbers:
 
     recorded (step,); modelled (run, step): of the mine's own run and its members, as far as they stand; draws (draw,
     step): of runs in rock of the posterior, NaN of those that have collapsed, and own: of the mine's own run, all
-    steps, both from the shared floor on; dispersion_index:
-    variance of the recorded number over its mean, at least 1; sizes (event,): log10 potency of the recorded ones, m3;
-    width: of the bins that these are rounded to; potency: of all recorded events of these steps, m3; days (step,): the
-    middle of each step, days since 1970, a month apart if not given; least_dispersion: the index by the times alone, if
-    known. Clusters may join what does not belong together, and times miss long sequences, so the truth is between the
-    two.
+    steps, both from the shared floor on; dispersion_index: variance of the recorded number over its mean, at least 1;
+    sizes (event,): log10 potency of the recorded ones, m3; width: of the bins that these are rounded to; potency: of
+    all recorded events of these steps, m3; days (step,): the middle of each step, days since 1970, a month apart if not
+    given; least_dispersion: the index by the times alone, if known. Clusters may join what does not belong together,
+    and times miss long sequences, so the truth is between the two.
     """
 
     recorded: NDArray
@@ -84,7 +83,7 @@ class RecordedSteps:
     def floor_above(self, floor: float) -> float:
         """The lowest floor at which runs with this floor, the mine's own runs and the record are complete."""
         like_own = (run for run, kind in zip(self.runs, self.kinds, strict=True) if kind in LIKE_OWN)
-        own = [step.floor for run in like_own if not _has_collapsed(run) for step in run]
+        own = [step.floor for run in like_own if not has_collapsed(run) for step in run]
         highest = float(np.fmax.reduce([floor, self.cut, *own]))
         return next_edge(self._sizes, highest, rounding(self._sizes))
 
@@ -105,14 +104,13 @@ class RecordedSteps:
 
         def table(kinds: Sequence[str], least: float) -> NDArray:
             rows = [
-                [np.nan if _has_collapsed(run) else len(step.from_floor(least).potency) for step in run]
+                [np.nan if has_collapsed(run) else len(step.from_floor(least).potency) for step in run]
                 for run, kind in zip(self.runs, self.kinds, strict=True)
                 if kind in kinds
             ]
             return np.array(rows, float).reshape(len(rows), len(self.steps))
 
         modelled = table(LIKE_OWN, floor)
-
         return RecordedNumbers(
             np.bincount(step[used], minlength=len(self.steps)).astype(float),
             modelled[np.isfinite(modelled).all(axis=1)],
@@ -135,7 +133,7 @@ def read_recorded(settings: OutcomeSlice, record: xr.Dataset, comparison: xr.Dat
     covered = [number for number, step in enumerate(settings.recorded_steps) if is_covered(record, step)]
     every = [read_run(run, settings.recorded_steps, settings.mine, has_states=False) for run in settings.recorded_runs]
     runs = [[run[number] for number in covered] for run in every]
-    is_compared = bool(runs) and not _has_collapsed(runs[0])  # the mine's own run stands for the record
+    is_compared = bool(runs) and not has_collapsed(runs[0])  # the mine's own run stands for the record
     return RecordedSteps(
         record,
         tuple(settings.recorded_steps[number] for number in covered) if is_compared else (),
@@ -144,11 +142,6 @@ def read_recorded(settings: OutcomeSlice, record: xr.Dataset, comparison: xr.Dat
         runs if is_compared else [],
         [run.kind for run in settings.recorded_runs] if is_compared else [],
     )
-
-
-def _has_collapsed(run: Sequence[StepResult]) -> bool:
-    """True if rock of a run found no equilibrium in one of these steps or before."""
-    return any(step.collapsed for step in run)
 
 
 def middles(steps: Sequence[DatedStep]) -> NDArray:

@@ -125,6 +125,11 @@ def _log_floor(attributes: Mapping) -> float:
     return float(np.log10(smallest)) if smallest > 0.0 else np.nan
 
 
+def has_collapsed(run: Sequence[StepResult]) -> bool:
+    """True if rock of a run found no equilibrium in one of these steps or before."""
+    return any(step.collapsed for step in run)
+
+
 def collapsed_in(run: Sequence[StepResult], steps: Sequence[DatedStep]) -> str:
     """Name of the first step of a run in which, or before which, rock found no equilibrium; empty if there is none."""
     return next((step.name for result, step in zip(run, steps, strict=True) if result.collapsed), "")

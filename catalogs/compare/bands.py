@@ -91,14 +91,16 @@ def bands_of(state: xr.Dataset, cell: float) -> GridPreference:
     plane = state.attrs.get("plane", "none")
     place, strain = part_centers(state)[failed], tensor_from_voigt(state["plastic_strain"].values[failed])
     if "cell" in state:  # which may hold several particles
-        _, first, count = np.unique(state["cell"].values[failed], return_index=True, return_counts=True)
-        order = np.argsort(state["cell"].values[failed], kind="stable")
-        start = np.cumsum([0, *count])[:-1]
-        place, strain = (
-            np.add.reduceat(one[order], start) / count.reshape(-1, *[1] * (one.ndim - 1)) if len(first) else one
-            for one in (place, strain)
-        )
+        place, strain = (_means(one, state["cell"].values[failed]) for one in (place, strain))
     return grid_preference(place, strain, cell, "xyz" if plane == "none" else plane)
+
+
+def _means(values: NDArray, group: NDArray) -> NDArray:
+    """Means (group, ...) of values (k, ...) by group (k,), in the order of the groups."""
+    names, index, count = np.unique(group, return_inverse=True, return_counts=True)
+    total = np.zeros((len(names), *values.shape[1:]))
+    np.add.at(total, index, values)
+    return total / count.reshape(-1, *[1] * (values.ndim - 1))
 
 
 def grid_preference(place: NDArray, strain: NDArray, cell: float, axes: str = "xyz") -> GridPreference:

@@ -43,8 +43,8 @@ def of_seeds(first: int, last: int) -> Knob:
         f"seeds_{first}_{last}",
         f"scenes of seeds {first} to {last - 1}",
         "none",
-        "Sizes, stresses, strengths, moduli, boundaries and openings over many orders; a fifth also scaled, shifted, "
-        "reordered and by the other scheme.",
+        "Sizes, stresses, strengths, moduli, boundaries and openings over many orders; a third with strength that "
+        "varies and rock that may fall; a fifth also scaled, shifted, reordered and by the other scheme.",
         lambda: drawn(range(first, last)),
     )
 
