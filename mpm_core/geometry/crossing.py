@@ -8,6 +8,8 @@ so that a box aligned with the grid crosses nothing. Open means shrunk by CROSSI
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.kernels.threads import threads_for
+
 # Cells are shrunk on each side by this share when crossed with facets, far above the round-off of a mine's coordinates.
 CROSSING_TOLERANCE = 1e-6
 PLANE_SLACK = 1e-3  # Candidates from a facet's plane may be off by this share of a cell; each is tested after.
@@ -192,8 +194,9 @@ def cross_cells(corners: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.
         lower, upper = np.append(lower, 0), np.append(upper, 1)
     else:
         as_triangles, in_space = corners, index
-    keys = crossed_keys(as_triangles, lower, upper)
-    mark_cells(np.ascontiguousarray(in_space), lower, upper, keys, crossed, undecided)
+    with threads_for(len(index) + len(corners)):
+        keys = crossed_keys(as_triangles, lower, upper)
+        mark_cells(np.ascontiguousarray(in_space), lower, upper, keys, crossed, undecided)
     return crossed, undecided
 
 

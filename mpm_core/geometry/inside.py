@@ -14,12 +14,14 @@ from mpm_core.geometry.crossing import CROSSING_TOLERANCE, cell_box, cross_cells
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.geometry.winding import (
     MAX_EXACT_FACETS,
+    PAIRS_PER_CELL,
     POINTS_PER_BLOCK,
     inside_points,
     sample_cells,
     sample_cells_nearby,
     winding_number_by_tree,
 )
+from mpm_core.kernels.threads import threads_for
 
 # 4 x 4 x 4 in 3-D, 8 x 8 in 2-D; a set of them is the bits of one integer.
 SAMPLES_PER_CELL = 64
@@ -84,7 +86,8 @@ def _contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     """`contains` for corners (facet, corner, dimension) and points (point, dimension) near one local origin."""
     inside = np.zeros(len(points), dtype=bool)
     if corners.shape[2] == 2 or len(corners) <= MAX_EXACT_FACETS:
-        inside_points(corners, np.ascontiguousarray(points), inside)
+        with threads_for(len(points) * len(corners) // PAIRS_PER_CELL):
+            inside_points(corners, np.ascontiguousarray(points), inside)
         return inside
     winding_number = winding_number_by_tree(corners)
     for first in range(0, len(points), MAX_TREE_POINTS):
@@ -131,7 +134,8 @@ def sample_mask(solid: Solid | Outside, origin: np.ndarray, cell_size: float, in
     samples = sample_points(solid.dimension)
     if solid.dimension == 2 or len(corners) <= MAX_EXACT_FACETS:
         found = np.zeros(len(near), dtype=np.uint64)
-        sample_cells(corners, index[near], samples, found)
+        with threads_for(len(near) * len(corners) * SAMPLES_PER_CELL // PAIRS_PER_CELL):
+            sample_cells(corners, index[near], samples, found)
         mask[near] = found
         return mask
     center = corners.reshape(-1, 3).mean(axis=0)

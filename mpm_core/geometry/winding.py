@@ -24,6 +24,9 @@ import igl
 import numpy as np
 from numba import njit, prange
 
+from mpm_core.kernels.threads import threads_for
+
+PAIRS_PER_CELL = 20  # So many pairs of point and facet are as much work as a cell of the mechanics.
 MAX_EXACT_FACETS = 1000  # Up to so many facets the exact sum takes less time than libigl's tree.
 POINTS_PER_BLOCK = 64  # Points of a block are summed together, so that inner loops become vector instructions.
 CELLS_PER_BIN = 4  # Cells per edge of the bins that share a list of near facets.
@@ -162,7 +165,8 @@ def winding_number_of(corners: np.ndarray) -> Callable[[np.ndarray], np.ndarray]
 
     def by_sum(points: np.ndarray) -> np.ndarray:
         number = np.empty(len(points))
-        sum_winding_number(corners, np.ascontiguousarray(points), number)
+        with threads_for(len(points) * len(corners) // PAIRS_PER_CELL):
+            sum_winding_number(corners, np.ascontiguousarray(points), number)
         return number
 
     return by_sum if corners.shape[2] == 2 or len(corners) <= MAX_EXACT_FACETS else winding_number_by_tree(corners)

@@ -7,6 +7,7 @@ import scipy  # imports its parts as they are used, which small stages would wai
 
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.edge_nodes import EdgeNodes, is_edge, sharp_edges
+from mpm_core.grid.splitting import code_of
 
 SPACING = 0.5  # finest cells; largest distance of two points of an edge
 NODE_DISTANCE = 1.0  # finest cells; an edge has a node at a point if one lies on it as near as this
@@ -34,7 +35,9 @@ def edge_points(
 ) -> EdgePoints:
     """Points along the edges of these excavations; nodes: those that are moved; shape (d,) finest cells of the
     domain."""
-    found = [EdgePoints.none(len(shape))]
+    dimension = len(shape)
+    places, ways, turns = [np.empty((0, dimension))], [np.empty((0, dimension))], [np.empty(0)]
+    walls, owners = [np.empty((0, 2, dimension))], [np.empty(0, np.int16)]
     for number, solid in enumerate(solids):
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
         segments = (edges.segments - origin) / fine_cell
@@ -46,22 +49,25 @@ def edge_points(
         share = (np.arange(len(row)) - np.repeat(np.cumsum(steps) - steps, steps) + 0.5) / steps[row]
         place = segments[row, 0] + share[:, None] * along[row]
         within = ((place > 0.0) & (place < shape)).all(axis=1)
-        place, turn = place[within], turn[row[within]]
         row = row[within]
-        shares = ~(has_node(place, along[row], nodes) | on_faces(place, edges.normals[chosen][row]))
-        found.append(EdgePoints(place, np.pi + turn, np.full(len(place), number, np.int16), shares))
-    return EdgePoints(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
+        places.append(place[within])
+        ways.append(along[row])
+        turns.append(turn[row])
+        walls.append(edges.normals[chosen][row])
+        owners.append(np.full(len(row), number, np.int16))
+    place = np.concatenate(places)
+    shares = ~(has_node(place, np.concatenate(ways), nodes, shape) | on_faces(place, np.concatenate(walls)))
+    return EdgePoints(place, np.pi + np.concatenate(turns), np.concatenate(owners), shares)
 
 
-def has_node(place: np.ndarray, along: np.ndarray, nodes: EdgeNodes) -> np.ndarray:
+def has_node(place: np.ndarray, along: np.ndarray, nodes: EdgeNodes, shape: np.ndarray) -> np.ndarray:
     """(k,) bool: True where a node lies on the straight edge along (k, d) through place (k, d), NODE_DISTANCE away or
-    less; along is 0 in plane strain. nodes: those that are moved."""
+    less; along is 0 in plane strain. nodes: those that are moved; shape (d,) finest cells of the domain."""
     moved = nodes.place + nodes.shift
     trees = scipy.spatial.cKDTree(place), scipy.spatial.cKDTree(moved)
     pairs = trees[0].sparse_distance_matrix(trees[1], NODE_DISTANCE, output_type="ndarray")
     nearest = np.rint(place)
-    known = {tuple(node) for node in nodes.place.tolist()}
-    stays = np.array([tuple(node) not in known for node in nearest.astype(np.int64).tolist()], dtype=bool)
+    stays = ~np.isin(code_of(nearest.astype(np.int64), shape + 1), code_of(nodes.place, shape + 1))
     point = np.append(np.flatnonzero(stays), pairs["i"])
     node = np.concatenate([nearest[stays], moved[pairs["j"]]])
     apart, length = node - place[point], np.linalg.norm(along, axis=1)

@@ -178,10 +178,24 @@ def refuse_missed(solid: Solid | Outside, cells: GridCells) -> None:
 
 def touches(solids: list[Solid | Outside], domain: Domain, level: int, index: np.ndarray) -> np.ndarray:
     """(n,) bool: True where a cell (n, d) of a level is not wholly outside these solids."""
-    touched = np.zeros(len(index), bool)
+    if not len(index):
+        return np.zeros(0, bool)
+    touched, size, shape = np.zeros(len(index), bool), domain.cell(level), domain.base_shape << level
+    code = code_of(index, shape)
+    order = np.argsort(code)
+    code = code[order]
     for solid in solids:
-        rest = np.flatnonzero(~touched)
-        touched[rest] = classify_cells(solid, domain.lower, domain.cell(level), index[rest]) != OUTSIDE
+        lower, upper = np.floor((solid.bounds - domain.lower) / size).astype(np.int64)
+        lower, upper = np.clip(lower - 1, 0, shape), np.clip(upper + 2, 0, shape)
+        sides = np.maximum(upper - lower, 0)
+        if np.prod(sides.astype(float)) < len(index):  # most solids are small, and there may be thousands
+            wanted = code_of(lower + all_cells(sides), shape)
+            place = np.minimum(np.searchsorted(code, wanted), len(code) - 1)
+            near = order[place[code[place] == wanted]]
+        else:
+            near = np.flatnonzero(in_box(index, lower, upper - 1))
+        near = near[~touched[near]]
+        touched[near] = classify_cells(solid, domain.lower, size, index[near]) != OUTSIDE
     return touched
 
 

@@ -77,7 +77,7 @@ def test_an_edge_through_a_place_whose_node_moved_away_has_no_node():
     for nodes, shared in ((EdgeNodes.none(2), False), (away, True)):
         points = edge_points(solids, nodes, np.zeros(2), 1.0, SHAPE[:2])
         at_upper = np.isclose(points.place, 12.0005).all(axis=1)
-        assert has_node(points.place, np.zeros((4, 2)), nodes)[at_upper].tolist() == [not shared]
+        assert has_node(points.place, np.zeros((4, 2)), nodes, SHAPE[:2])[at_upper].tolist() == [not shared]
 
 
 def test_an_edge_has_a_node_where_one_is_moved_onto_it():

@@ -14,6 +14,10 @@ from hypothesis import strategies as st
 from common.errors import InputError
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene
 from mpm_core.files.state_datasets import grid_dataset, read_edge_nodes, read_edge_points, read_grid, read_pieces
+from mpm_core.geometry.inside import OUTSIDE, classify_cells
+from mpm_core.geometry.shapes import build_shape
+from mpm_core.grid.domain import Domain
+from mpm_core.grid.octree import all_cells
 from mpm_core.model.occupancy import ALL_SAMPLES
 from mpm_core.stages import grid_stage, stage_memory
 from mpm_core.stages.equilibrium_stages import elastic_stage
@@ -48,6 +52,25 @@ def places_of_pieces(dataset) -> set[tuple]:
 def finest_places(dataset) -> set[tuple]:
     """Lower corners of the finest cells there are."""
     return {tuple(place) for place in dataset.cell_origin.values[dataset.cell_level.values == 1].tolist()}
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), plane=st.booleans(), shuffled=st.booleans())
+@example(seed=0, plane=False, shuffled=True)
+def test_cells_that_any_of_many_solids_touches_are_those_of_each_alone(seed, plane, shuffled):
+    """Small solids are looked up by the cells of their box, large ones by all cells; some lie beyond the domain."""
+    random, dimension = np.random.default_rng(seed), 2 if plane else 3
+    domain = Domain(np.full(dimension, -3.0), np.full(dimension, 6), 4.0, 3)
+    middle, half = random.uniform(-8.0, 30.0, (6, dimension)), random.choice([0.7, 3.0, 12.0], (6, dimension))
+    corners = zip((middle - half).tolist(), (middle + half).tolist(), strict=True)
+    solids = [build_shape(block(*ends), dimension) for ends in corners]
+    index = all_cells(domain.base_shape << 1)
+    index = index[random.random(len(index)) < 0.7]
+    if shuffled:
+        random.shuffle(index)
+    alone = [classify_cells(solid, domain.lower, domain.cell(1), index) != OUTSIDE for solid in solids]
+    np.testing.assert_array_equal(grid_stage.touches(solids, domain, 1, index), np.any(alone, axis=0))
+    assert not len(grid_stage.touches(solids, domain, 1, index[:0]))
 
 
 def test_what_a_later_step_mines_has_its_parts_but_no_fine_cells_yet():
