@@ -63,7 +63,7 @@ class Body:
         self.model = model
         self.state = state
         self.hanging = model.hanging
-        self.start, self.rest = state.displacement.copy(), state.displacement.copy()
+        self.start = self.rest = state.displacement.copy()
         self.unbalanced = np.zeros_like(state.displacement)
         self.restart_flow_count()
         self.slot_force = np.zeros((model.scatter.slots, model.dimension))
@@ -213,8 +213,7 @@ class Body:
         state.velocity[:] = motion  # times 1 s it is the motion: the kernel takes a velocity
         spread_to_hanging(self.hanging, model.grid.node_parents, state.velocity)
         state.displacement += state.velocity
-        self.start += state.velocity
-        self.rest += state.velocity
+        self.start, self.rest = self.start + state.velocity, self.rest + state.velocity
         self.update(1.0)
         state.velocity[:] = kept
 

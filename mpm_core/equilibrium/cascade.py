@@ -104,8 +104,8 @@ def snapshot_equilibrium(scheme: Scheme, history: History) -> None:
     """Save the state as the last one in equilibrium."""
     scheme.body.commit()
     body = scheme.body
-    body.rest[:] = body.state.displacement
     history.last_equilibrium = snapshot(body.state, body.model.scene.solver.move, history.last_equilibrium)
+    body.rest = history.last_equilibrium["displacement"]
 
 
 def next_failures(scheme: Scheme, brittle: Brittle, subdomain: Subdomain | InStepSubdomain | None = None) -> np.ndarray:
@@ -274,14 +274,16 @@ def run_cascade(
                     scheme, brittle, external, tolerance, ramp.reference, step, history, step_subdomain, save, cells
                 )
                 if cells is not None and len(places):
+                    goes_back = bool(history.last_equilibrium)
                     del scheme, brittle  # the memory is needed: no one but `cells` has them now
+                    history.last_equilibrium = {}
                     are_split = cells.split(places)
                     scheme, brittle, ramp = cells.scheme, cells.brittle, cells.ramp
+                    if goes_back:  # to a state that has these cells, too
+                        snapshot_equilibrium(scheme, history)
                     if are_split:
                         history.splits += 1
                         external = ramp.at(history.load)
-                        if history.last_equilibrium:  # the state to go back to has these cells, too
-                            snapshot_equilibrium(scheme, history)
                         balance_split_cells(scheme, external, tolerance, ramp.reference, history)
                     continue
                 if not last or step_subdomain or tolerance == solver.tolerance:

@@ -83,6 +83,7 @@ class EnergyBody(Protocol):
     hourglass: np.ndarray
     flowing: np.ndarray
     flow_start: tuple[np.ndarray, np.ndarray]
+    rest: np.ndarray
 
 
 def virgin_work(body: EnergyBody, moved: np.ndarray) -> float:
@@ -120,8 +121,9 @@ class EnergyPath:
             return
         self.external = external
         self.residual = body.unbalanced.copy()
-        if self.start is None:
-            self.start = body.state.displacement.copy()
+        if self.start is None:  # the last equilibrium as a rule, which is kept in any case
+            begins_at_rest = np.array_equal(body.rest, body.state.displacement)
+            self.start = body.rest if begins_at_rest else body.state.displacement.copy()
         if self.carried is not None:
             self.residual[:] = np.where(body.model.held, 0.0, external + self.carried)
 

@@ -49,6 +49,9 @@ class ExplicitScheme:
         """
         step_to_equilibrium(self.body, external, tolerance, reference, history)
 
+    def release(self) -> None:
+        """Nothing to free: a relaxation makes nothing of its own."""
+
     def drop_work_arrays(self) -> None:
         """Free the work arrays; no relaxation follows."""
         self.body.drop_work_arrays()

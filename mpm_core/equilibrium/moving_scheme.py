@@ -45,7 +45,7 @@ class MovingBody(Body):
         self.lookup = leaf_lookup(model.grid)
         self.cell_index, self.cell_width = model.grid.cell_index, model.grid.cell_width
         self.cell_size = model.grid.cell_size
-        self.xi = (state.position - model.grid.cell_center[state.cell]) / (0.5 * self.cell_size[state.cell])[:, None]
+        self.xi = (state.position - model.grid.centers(state.cell)) / (0.5 * self.cell_size[state.cell])[:, None]
         self.velocity = np.zeros((model.particles.count, dimension))
         self.acceleration = np.zeros_like(state.velocity)
         self.dissipated = np.zeros(model.particles.count)  # by flow, J/m3
@@ -163,7 +163,7 @@ class MovingBody(Body):
 
     def _position(self) -> np.ndarray:
         cell = self.state.cell
-        return self.model.grid.cell_center[cell] + 0.5 * self.cell_size[cell][:, None] * self.xi
+        return self.model.grid.centers(cell) + 0.5 * self.cell_size[cell][:, None] * self.xi
 
     def remove_rigid_motions(self) -> None:
         """The body is in equilibrium: particles are where they have got to."""

@@ -41,6 +41,7 @@ SOLUTION_TOLERANCE_SHARE = 0.5
 ANDERSON_DEPTH = 8  # Differences that Anderson acceleration keeps.
 # Anderson acceleration keeps fewer differences where they take more memory, but at least four.
 MAX_ANDERSON_BYTES = 1e9
+MAX_CELLS_KEPT_IN_MEMORY = 500_000  # Work arrays of more cells are freed while a subdomain is at work.
 MAX_FLOW_CYCLES = 400  # After this many V-cycles of one relaxation with flow, explicit steps take over.
 # Flow ends at this share of the tolerance, since the forces of the stress differ by round-off.
 FLOW_TOLERANCE_SHARE = 1.0 - 1e-6
@@ -63,19 +64,20 @@ class MultigridScheme:
     def __init__(self, model: Model, state: State, volume: np.ndarray):
         self.body = Body(model, state, volume)
         self.model, self.state = model, state
-        self.solver = ElasticSolver(model.grid, model.cell_nodes, model.held)
         self.anderson: Anderson | None = None
         self.flow: FlowForces | None = None
         self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
         self.rows: list[np.ndarray] = []
         self.cubes: Cubes | None = None
+        self.solver: ElasticSolver = None  # type: ignore[assignment]  # made where it is needed first
         self.softened: np.ndarray | None = None  # (cell,) bool: hourglass stiffness is that of failed rock
-        state.velocity[:] = 0.0
+        self._stop()
 
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes."""
         self.body.set_volume(volume)
-        self.stale[:], self.flow, self.softened, self.anderson = True, None, None, None
+        self.stale[:], self.flow = True, None
+        self.release()
 
     def set_failed(self) -> None:
         """Take over which particles have failed."""
@@ -92,7 +94,7 @@ class MultigridScheme:
             # The V-cycle has the hourglass stiffness of intact rock: a killed stage that goes on finds the same one.
             cells = elastic_cells(self.model, self.body.volume, self.body.intact_hourglass)
             free = list(self.body.free.at(self.model.node_position)) if self.body.free.count else []
-            self.solver.set_stiffness(cells, free)
+            self.solver = ElasticSolver(self.model.grid, self.model.cell_nodes, self.model.held, cells, free)
             self.softened = np.zeros(len(self.body.hourglass), bool)
         failed = np.zeros(len(self.softened), bool)
         failed[self.model.particles.cell[self.body.flowing]] = True
@@ -120,6 +122,8 @@ class MultigridScheme:
 
     def scheme_of(self, subdomain: Subdomain) -> "MultigridScheme":
         """The scheme that brings a subdomain to equilibrium."""
+        if len(self.model.cell_nodes) > MAX_CELLS_KEPT_IN_MEMORY:
+            self.anderson, self.rows = None, []
         scheme = MultigridScheme(subdomain.model, subdomain.state, subdomain.volume)
         scheme.body.start, scheme.body.rest = (nodal[subdomain.nodes] for nodal in (self.body.start, self.body.rest))
         return scheme
@@ -134,8 +138,13 @@ class MultigridScheme:
     def drop_work_arrays(self) -> None:
         """Free the work arrays; no relaxation follows."""
         self.body.drop_work_arrays()
-        self.anderson = self.flow = self.cubes = None
-        self.solver = None  # type: ignore[assignment]  # nothing needs it any more
+        self.flow = self.cubes = None
+        self.release()
+
+    def release(self) -> None:
+        """Free the solver and the arrays on its rows, which the next relaxation makes again."""
+        self.anderson = self.softened = None
+        self.solver = None  # type: ignore[assignment]
         self.rows = []
 
     def reach_equilibrium(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
@@ -165,7 +174,7 @@ class MultigridScheme:
                     history.rows[-1][3], history.iteration - before, tolerance,
                 )  # fmt: skip
                 step_to_equilibrium(self.body, external, tolerance, reference, history)
-                self.state.velocity[:] = 0.0
+                self._stop()
                 return
         self.body.check_reach(ratio)
         self.body.remove_rigid_motions()
@@ -304,4 +313,8 @@ class MultigridScheme:
         self.solver.to_nodes(motion, state.velocity)  # times 1 s it is the motion: the kernel takes a velocity
         state.displacement += state.velocity
         self.body.update(1.0)
-        state.velocity[:] = 0.0
+        self._stop()
+
+    def _stop(self) -> None:
+        """Nodes rest: no memory is needed until they are moved again."""
+        self.state.velocity = np.zeros_like(self.state.velocity)

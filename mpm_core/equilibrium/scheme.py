@@ -31,6 +31,9 @@ class Scheme(Protocol):
         external (node, d) N. Raises NoEquilibrium where equilibrium is not reached, InputError for NaN.
         """
 
+    def release(self) -> None:
+        """Free the memory of all that the next relaxation makes again."""
+
     def drop_work_arrays(self) -> None:
         """Free the work arrays; no relaxation follows."""
 

@@ -272,7 +272,7 @@ def _crop_particles(particles: Particles, chosen: np.ndarray, number: np.ndarray
     cell = number[particles.cell[indices]]
     group_cell = cell[start[:-1]]
     counts = np.bincount(group_cell, minlength=np.count_nonzero(chosen))
-    per_particle = ("excavation", "material", "xi", "position", "spacing", "full_volume", "sample")
+    per_particle = ("excavation", "material", "position", "spacing", "full_volume", "sample")
     return Particles(
         cell=cell,
         **{name: getattr(particles, name).take(indices, axis=0) for name in per_particle},

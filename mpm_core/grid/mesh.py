@@ -99,10 +99,14 @@ class MultiLevelGrid:
         """(cell, d) float64, m: lower corner"""
         return self.origin + self.cell_index * self.fine_cell
 
-    @cached_property
+    @property
     def cell_center(self) -> np.ndarray:
         """(cell, d) float64, m"""
-        return self.origin + (self.cell_index + 0.5 * self.cell_width[:, None]) * self.fine_cell
+        return self.centers(slice(None))
+
+    def centers(self, cells: np.ndarray | slice) -> np.ndarray:
+        """(k, d) float64, m: middle of some cells (k,)"""
+        return self.origin + (self.cell_index[cells] + 0.5 * self.cell_width[cells, None]) * self.fine_cell
 
     @property
     def node_position(self) -> np.ndarray:

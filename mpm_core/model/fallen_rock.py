@@ -66,10 +66,10 @@ def describe_falls(model: Model, step: int) -> list[dict]:
     mine's axes, the nearest opening, and at which side of that it was (SIDES)."""
     grid, scene = model.grid, model.scene
     fallen = model.unsupported.of(model.unsupported.falls_in(step))
-    volume, center = part_volumes(model, fallen) * scene.thickness, grid.cell_center[fallen.cell]
+    volume, center = part_volumes(model, fallen) * scene.thickness, grid.centers(fallen.cell)
     mined = np.array([0 <= excavation.mined <= step for excavation in scene.excavations] or [False])
     pieces = model.pieces.of(mined[model.pieces.excavation])
-    places, found = scipy.spatial.cKDTree(grid.cell_center[pieces.cell]), []
+    places, found = scipy.spatial.cKDTree(grid.centers(pieces.cell)), []
     for piece in np.unique(fallen.piece):
         own = np.flatnonzero(fallen.piece == piece)
         size, opening, side = volume[own].sum(), "", ""

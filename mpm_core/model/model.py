@@ -166,6 +166,13 @@ class Model:
             return changed
         return replace(changed, **phantom_nodes._asdict(), **_on_nodes(phantom_nodes.grid, self.scene))
 
+    def stripped(self) -> "Model":
+        """The model without virgin stress and sums over cells, which take much memory: what its cells and particles are
+        is all that a model on other cells is made from."""
+        return replace(
+            self, insitu=self.insitu[:0].copy(), scatter=build_scatter(self.cell_nodes[:0], self.grid.node_parents[:0])
+        )
+
     def material_volumes(self, step: int) -> np.ndarray:
         """Volume of each particle's own material once `step` is mined and filled, (particle,)."""
         return volumes(self.particles, self.changes, step)

@@ -34,8 +34,7 @@ MASSIVE_BENDING_SHARE = 1.0 / 6.0
 class Particles:
     """The places of the particles; their state is model.State.
 
-    cell, excavation (-1 rock), material (particle,); xi (particle, d) place in the cell, -1 to 1; position
-    (particle, d), spacing (particle,) m;
+    cell, excavation (-1 rock), material (particle,); position (particle, d), spacing (particle,) m;
     full_volume (particle,) m3 (m2 in 2-D) if the whole place belonged to the particle; sample (particle,) bit of the
     cell's samples that the particle stands for, -1 for a share of all;
     group_start (group + 1,) first particle of each group, group_table (group,) first row of its points in `modes`;
@@ -49,7 +48,6 @@ class Particles:
     cell: np.ndarray
     excavation: np.ndarray
     material: np.ndarray
-    xi: np.ndarray
     position: np.ndarray
     spacing: np.ndarray
     full_volume: np.ndarray
@@ -209,7 +207,6 @@ def seed(
     place = np.arange(start[-1]) - start[group]
     cell_groups = np.argsort(group_cell, kind="stable").astype(np.int32)
     cell_size = grid.cell_size[group_cell]
-    xi = points[table[group] + place]
     sample = np.full(len(group), -1, np.int8)
     of_samples = np.flatnonzero(is_sample[group])
     sample[of_samples] = place[of_samples]
@@ -219,8 +216,7 @@ def seed(
         cell=group_cell[group],
         excavation=group_excavation[group],
         material=group_material[group].astype(np.int16),
-        xi=xi,
-        position=grid.cell_center[group_cell[group]] + 0.5 * cell_size[group][:, None] * xi,
+        position=grid.centers(group_cell[group]) + 0.5 * cell_size[group][:, None] * points[table[group] + place],
         spacing=(cell_size / per_edge)[group],
         full_volume=full_volume[group],
         sample=sample,
@@ -264,13 +260,12 @@ def at_step(particles: Particles, changes: Changes, step: int, grid: MultiLevelG
     held = np.where(owned[own] == NO_SAMPLES, ALL_SAMPLES, owned[own])  # where nothing is left: as before it was mined
     modes, slopes, place = part_means(held, group_cell[own], particles.distorted, grid.dimension)
     particle, cell = particles.group_start[moved], group_cell[moved]
-    xi, position = particles.xi.copy(), particles.position.copy()
-    xi[particle] = 0.0
-    xi[particles.group_start[own]] = place
-    position[particle] = grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * xi[particle]
+    xi = np.zeros((len(moved), grid.dimension))
+    xi[np.searchsorted(moved, own)] = place
+    position = particles.position.copy()
+    position[particle] = grid.centers(cell) + 0.5 * grid.cell_size[cell][:, None] * xi
     return replace(
         particles,
-        xi=xi,
         position=position,
         group_table=table,
         modes=np.concatenate([particles.modes[:first], modes]),
@@ -338,9 +333,10 @@ def step_stiffness(particles: Particles, elastic_constants: np.ndarray, bending_
     centres. elastic_constants (row, 2): lambda, mu, Pa; bending_share (particle,): see Model.
     """
     lame, shear = elastic_constants[particles.material].T
-    stiffness = particles.xi.shape[1] * lame + 2.0 * shear
-    lone = particles.sample >= 0
-    stiffness[lone] /= 1.0 - np.abs(particles.xi[lone]).max(axis=1, initial=0.0) ** 2
+    stiffness = particles.position.shape[1] * lame + 2.0 * shear
+    lone = np.flatnonzero(particles.sample >= 0)
+    place = centroids(particles.modes[particles.row[lone]])
+    stiffness[lone] /= 1.0 - np.abs(place).max(axis=1, initial=0.0) ** 2
     own = np.flatnonzero(particles.group_table >= particles.shared_rows)
     first = particles.group_start[own]
     rows = particles.group_table[own]

@@ -234,7 +234,7 @@ def describe_unsupported(
     cell, piece = unsupported.cell[now], unsupported.piece[now]
     volume = distorted.part_volumes(cell, unsupported.samples[now]) * grid.cell_size[cell] ** grid.dimension
     size = np.bincount(piece, volume)
-    center = np.stack([np.bincount(piece, volume * along) / size for along in grid.cell_center[cell].T], axis=1)
+    center = np.stack([np.bincount(piece, volume * along) / size for along in grid.centers(cell).T], axis=1)
     names = ", ".join("xyz"[axis] for axis in axes)
     places = [f"({names}) = ({', '.join(f'{value:.1f}' for value in place)}) m" for place in center[:MAX_PIECES_LOGGED]]
     for volume_of, place in zip(size * thickness, places, strict=False):

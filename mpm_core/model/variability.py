@@ -99,7 +99,7 @@ def strength_scale(
         rock = np.flatnonzero(particles.is_rock & np.isin(particles.material % len(materials), own))
         deviation = math.sqrt(math.log(1.0 + share**2))  # of the logarithm
         small, value = finest[particles.cell[rock]], np.full(len(rock), COARSE_CELLS)
-        places = np.where(alone[rock, None], grid.cell_center[particles.cell[rock]], particles.position[rock])[small]
+        places = np.where(alone[rock, None], grid.centers(particles.cell[rock]), particles.position[rock])[small]
         value[small] = field_at(places, length, scene.realization)
         needed = _needed(insitu[rock], particles.material[rock], law, intact_rows, deviation)
         bound = np.flatnonzero(needed > LOWEST)

@@ -104,7 +104,7 @@ class Cycle:
         """slow: the largest (l + 2 m) / m of any cell; held: whether anything holds the body; bodies: on the finest
         level, if any."""
         self.levels, self.slow, self.held, self.bodies = levels, slow, held, bodies
-        dimension = levels[0].grid.dimension
+        dimension = levels[0].dimension
         self.steps = [(np.float32(keep), np.float32(factor)) for keep, factor in chebyshev(slow, dimension)]
         coarsest = levels[-1]
         few = np.count_nonzero(coarsest.inverse_diagonal) <= MAX_DIRECT_UNKNOWNS
@@ -119,7 +119,7 @@ class Cycle:
 
     def run(self, index: int = 0) -> None:
         """Solution of level `index` from its residual (0 where D^-1 is 0); the residual is used up."""
-        with threads_for(len(self.levels[index].grid.cell_width)):
+        with threads_for(self.levels[index].cells):
             self._run(index)
 
     def _run(self, index: int) -> None:
@@ -130,7 +130,7 @@ class Cycle:
             else:
                 self._smooth(level, self.long_steps)
             return
-        coarse, transfer, dimension = self.levels[index + 1], level.transfer, level.grid.dimension
+        coarse, transfer, dimension = self.levels[index + 1], level.transfer, level.dimension
         assert transfer is not None  # only the coarsest level has none
         bodies = None if index else self.bodies
         self._smooth(level, self.steps)

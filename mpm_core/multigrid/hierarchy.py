@@ -133,7 +133,7 @@ def merged_constants(fine: Level, coarse: LevelGrid, constants: np.ndarray, most
 
 
 class Hierarchy:
-    """Levels, finest first. Grids are made once; stiffness and motions of nodes next to voids whenever they change."""
+    """Levels, finest first: their grids, then their stiffness and the motions of nodes next to voids."""
 
     def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
         """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
@@ -148,12 +148,13 @@ class Hierarchy:
             coarse_held = held_nodes(coarse_grid, self.faces, complete)
             if coarse_held.all() or len(coarse_of_cell) == len(coarse_grid.cell_index):
                 break
-            coarse = Level(coarse_grid, coarse_held)
+            coarse = Level(coarse_grid, coarse_held, fine)
             fine.coarse_of_cell = coarse_of_cell
             self.levels.append(coarse)
 
     def set_stiffness(self, cells: ElasticCells, operator: Operator, body_is_held: bool) -> Cycle:
-        """The V-cycle for this stiffness, which the operator of the finest level has."""
+        """The V-cycle for this stiffness, which the operator of the finest level has. The levels then need no grid any
+        more, and have none: another stiffness needs another hierarchy."""
         constants = filled = cells.constants
         host = most = host_shear(self.levels[0].grid, constants[:, 1])
         for level in self.levels:
@@ -175,6 +176,8 @@ class Hierarchy:
             coarse.set_diagonal()
             most *= 2.0 ** (coarse.grid.dimension - 2)
         bodies = None if host == np.inf else StiffBodies(self.levels[0], cells, host)
+        for level in self.levels:
+            del level.grid
         return Cycle(self.levels, cells.wave_over_shear, body_is_held, bodies)
 
     def _filled(self, grid: LevelGrid, constants: np.ndarray) -> np.ndarray:

@@ -186,14 +186,20 @@ class Operator:
 
 
 class Level:
-    """One level of the hierarchy: grid, operator in single precision, inverse of the smoother's D, work arrays.
+    """One level of the hierarchy: operator in single precision, inverse of the smoother's D, work arrays.
 
-    `held` (node, d) bool; `transfer` leads to the next coarser level, `coarse_of_cell` (cell,) to its cells; `kept`
-    (coarse cell,): their m over that of their parts, summed.
+    The cycle needs a step and what it changes only while it is on a level: all levels have the finest one's memory for
+    them. `held` (node, d) bool; `transfer` leads to the next coarser level, `coarse_of_cell` (cell,) to its cells;
+    `kept` (coarse cell,): their m over that of their parts, summed; `grid`: until the hierarchy has its stiffness.
     """
 
-    def __init__(self, grid: LevelGrid, held: np.ndarray):
-        self.grid, self.held = grid, held
+    grid: LevelGrid
+    step: np.ndarray
+    change: np.ndarray
+
+    def __init__(self, grid: LevelGrid, held: np.ndarray, finer: "Level | None" = None):
+        self.grid, self.held, self.finer = grid, held, finer
+        self.dimension, self.cells = grid.dimension, len(grid.cell_width)
         self.siblings = build_siblings(grid.cell_index, grid.cell_width, grid.cell_nodes, grid.node_parents)
         self._make_arrays(np.float32)
         self.transfer: Transfer | None = None
@@ -201,9 +207,13 @@ class Level:
         self.kept: np.ndarray | None = None
 
     def _make_arrays(self, precision) -> None:
-        self.operator = Operator(self.siblings, self.grid.dimension, precision)
-        self.residual, self.solution, self.step, self.change = (self.operator.zeros() for _ in range(4))
-        self.inverse_diagonal = self.operator.zeros()
+        self.operator = Operator(self.siblings, self.dimension, precision)
+        self.residual, self.solution, self.inverse_diagonal = (self.operator.zeros() for _ in range(3))
+        size = len(self.residual)
+        if self.finer is not None and size <= len(self.finer.step):
+            self.step, self.change = self.finer.step[:size], self.finer.change[:size]
+        else:
+            self.step, self.change = self.operator.zeros(), self.operator.zeros()
 
     def set_precision(self, precision) -> None:
         """Single, or double with stiff bodies, whose forces' round-off must not outweigh the host's forces."""

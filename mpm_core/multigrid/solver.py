@@ -32,20 +32,24 @@ class Solution:
 
 
 class ElasticSolver:
-    """Solves C^T K C u = f on a multi-level grid with held nodes.
+    """Solves C^T K C u = f on a multi-level grid with held nodes, for one stiffness.
 
     Vectors between its methods are flat nodal arrays of rows (multigrid.siblings), float64.
     """
 
-    def __init__(self, grid: MultiLevelGrid, cell_nodes: np.ndarray, held: np.ndarray):
-        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool."""
+    def __init__(
+        self,
+        grid: MultiLevelGrid,
+        cell_nodes: np.ndarray,
+        held: np.ndarray,
+        cells: ElasticCells,
+        free: Sequence[np.ndarray] = (),
+    ):
+        """cell_nodes (cell, 2^d) in bit order; held (node, d) bool; free: rigid motions (node, d) that the held nodes
+        leave, the operator's null space."""
         self.hierarchy = Hierarchy(grid, cell_nodes, held)
         self.finest = self.hierarchy.levels[0]
         self.operator = Operator(self.finest.siblings, grid.dimension, np.float64)
-        self.rigid: list[np.ndarray] = []
-
-    def set_stiffness(self, cells: ElasticCells, free: Sequence[np.ndarray] = ()) -> None:
-        """Take over stiffness; free: rigid motions (node, d) that the held nodes leave, the operator's null space."""
         self.operator.set_cells(cells)
         self.cycle = self.elastic_cycle = self.hierarchy.set_stiffness(cells, self.operator, not len(free))
         self.rigid = self._orthonormal(free)

@@ -117,7 +117,7 @@ def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[tuple
         cell = particles.cell[chosen[own]]
         gone = ~model.changes.rock_samples(len(model.cell_nodes), step)[cell]
         modes[own], slopes[own], place = part_means(gone, cell, particles.distorted, model.dimension)
-        virgin[own] = virgin_stress(model.scene, grid.cell_center[cell] + 0.5 * grid.cell_size[cell][:, None] * place)
+        virgin[own] = virgin_stress(model.scene, grid.centers(cell) + 0.5 * grid.cell_size[cell][:, None] * place)
     return (modes, slopes), virgin
 
 
@@ -133,7 +133,7 @@ def _add_severed(
     if not len(node):
         return
     grid, dimension = model.grid, model.dimension
-    tensor = tensor_from_voigt(virgin_stress(model.scene, grid.cell_center[cell]))[:, :dimension, :dimension]
+    tensor = tensor_from_voigt(virgin_stress(model.scene, grid.centers(cell)))[:, :dimension, :dimension]
     if len(pressure):
         there = np.flatnonzero(pressure)
         inside, highest = pressure[there] / mined_share[there], np.zeros(len(nodal))
@@ -197,7 +197,7 @@ def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray,
                 continue
             edge = grid.cell_index[:, axis] + side * grid.cell_width
             cells = np.flatnonzero(edge == side * grid.shape[axis])
-            center = grid.cell_center[cells].copy()
+            center = grid.centers(cells).copy()
             center[:, axis] += (side - 0.5) * grid.cell_size[cells]
             traction = virgin_stress(scene, center)[:, component[axis, : model.dimension]] * (2 * side - 1)
             area = grid.cell_size[cells] ** (model.dimension - 1)

@@ -106,6 +106,6 @@ class Ground:
             finest = grid.levels - 1
             domain = Domain(grid.origin, grid.shape >> finest, grid.fine_cell * 2**finest, grid.levels)
             body[parts] = bodies_at(
-                read_solids(self.refinement.bodies, "rock_bodies", domain, may_miss=True), grid.cell_center[parts]
+                read_solids(self.refinement.bodies, "rock_bodies", domain, may_miss=True), grid.centers(parts)
             )
         return body

@@ -13,12 +13,12 @@ from mpm_core.scene.scene import Scene
 
 FALLBACK_SCHEME = "multigrid"  # Schemes that were not measured count as this one, which takes the most memory.
 BASE_BYTES = {"explicit": 0.35e9, "multigrid": 0.45e9}  # Memory of libraries and compiled kernels.
-BYTES_PER_CELL = {"explicit": 1160.0, "multigrid": 1640.0}
-BYTES_PER_PARTICLE = 360.0
+BYTES_PER_CELL = {"explicit": 1160.0, "multigrid": 1500.0}
+BYTES_PER_PARTICLE = 300.0
 # The elastic stage has no flow and keeps no differences.
 ELASTIC_BYTES_SAVED_PER_CELL = {"explicit": 0.0, "multigrid": 700.0}
 MEMORY_REMEDY = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.particles_per_cell, or free some"
-REFINEMENT_MEMORY_FACTOR = 1.9
+REFINEMENT_MEMORY_FACTOR = 1.65
 """Factor on the memory of a step with adaptive refinement. While cells are split it holds the cells before, too, and a
 cell that a wall cuts takes more memory than another."""
 CELL_SHARE_2D = 0.6  # Memory of a cell in 2-D over that in 3-D. A cell in 2-D has fewer corners and components.

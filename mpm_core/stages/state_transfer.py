@@ -6,14 +6,13 @@ uniform strain goes over unchanged; of any other the parts feel more than the on
 longer in equilibrium. Cells that are not split keep what they have, to the bit.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numba import njit, prange
 
 from mpm_core.grid.adjacency import holding_cells
 from mpm_core.grid.distorted_cells import corner_offsets
-from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.kernels.modes import hourglass_shares
 from mpm_core.kernels.nodal_operations import spread_to_hanging
 from mpm_core.model.model import Model
@@ -22,21 +21,6 @@ from mpm_core.model.particles import bending_stiffness
 from mpm_core.model.state import ARRAYS, Extent, State
 
 NO_SOURCE = -1  # Particle without a source among the old ones.
-
-
-@dataclass(frozen=True)
-class Cells:
-    """The grid of a model, the corners of its cells in bit order, and the shifts of its nodes (node, d), finest cells:
-    nodal values are transferred from them."""
-
-    grid: MultiLevelGrid
-    cell_nodes: np.ndarray
-    node_shift: np.ndarray
-
-    @classmethod
-    def of(cls, model: Model) -> "Cells":
-        """The cells of a model, which they do not keep alive."""
-        return cls(model.grid, model.cell_nodes, model.node_shift)
 
 
 def transfer(old: Model, state: State, new: Model) -> State:
@@ -66,7 +50,7 @@ def transfer(old: Model, state: State, new: Model) -> State:
     return result
 
 
-def transfer_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: np.ndarray | None = None) -> np.ndarray:
+def transfer_nodes(old: Model, values: np.ndarray, new: Model, origin: np.ndarray | None = None) -> np.ndarray:
     """Nodal values (node, component) of the old grid at the nodes of the new one, trilinear between corners.
 
     origin (new cell,): the old cell that holds each.
@@ -82,9 +66,7 @@ def transfer_nodes(old: Model | Cells, values: np.ndarray, new: Model, origin: n
     return result
 
 
-def _transfer_shifted(
-    old: Model | Cells, values: np.ndarray, new: Model, nodes: np.ndarray, result: np.ndarray
-) -> None:
+def _transfer_shifted(old: Model, values: np.ndarray, new: Model, nodes: np.ndarray, result: np.ndarray) -> None:
     """Values of the old grid where nodes (k,) of the new one that are moved lie: result (node, component), there.
 
     One that was moved there before has its value; where the old grid has a cube, that is trilinear between its corners.
@@ -108,7 +90,7 @@ def _transfer_shifted(
     result[nodes[moved]] = np.einsum("kc,kcj->kj", shape, values[old.cell_nodes[cell]])
 
 
-def transfer_forces(old: Model | Cells, forces: np.ndarray, new: Model) -> np.ndarray:
+def transfer_forces(old: Model, forces: np.ndarray, new: Model) -> np.ndarray:
     """Nodal forces (node, d) N of the old grid, which stay at their nodes; new nodes have none."""
     origin = holding_cells(old.grid, new.grid.cell_index)
     place = new.grid.cell_index - old.grid.cell_index[origin]

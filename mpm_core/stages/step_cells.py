@@ -32,7 +32,6 @@ from mpm_core.stages.external_forces import boundary_strain, external_force, loa
 from mpm_core.stages.ground import Ground
 from mpm_core.stages.stage_memory import require_cells
 from mpm_core.stages.state_transfer import (
-    Cells,
     elastic_stress,
     renumber_forces,
     renumber_nodes,
@@ -62,12 +61,11 @@ def brittle_of(model: Model, volume: np.ndarray, step: int) -> Brittle:
 class StepCells:
     """The data of a step on its cells, replaced as a whole when they are split; the cascade uses it as AdaptiveCells.
 
-    start_cells, start_displacement (node, d) m: the cells and the displacement that the step's balance starts from;
-    held_up (node, d) N, on start_cells: what the ramp starts with beyond the lasting forces of the step before, which
-    is what the mined rock held up;
+    displacement_before (node, d) m: where the step's balance starts from; held_up (node, d) N: what the ramp starts
+    with beyond the lasting forces of the step before, which is what the mined rock held up; both at the nodes of now;
     full: as many cells as there may be, or cells that are not split; elsewhere: cells of the mine beyond these, where
     they are a subdomain's; places: what was split, (k, d) each, see `split`; falls: whether rock has fallen in this
-    step; displacement_before: the start's, on the cells of now.
+    step.
     """
 
     ground: Ground
@@ -75,18 +73,15 @@ class StepCells:
     brittle: Brittle
     ramp: Ramp
     step: int
-    start_cells: Cells
-    start_displacement: np.ndarray
+    displacement_before: np.ndarray
     held_up: np.ndarray
     refinement: RefinedCells
     full: bool = False
     elsewhere: int = 0
     places: list[np.ndarray] = field(default_factory=list)
     falls: bool = False
-    displacement_before: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        self.displacement_before = self.start_displacement
         self.full = self.full or self.ground.scene.refinement is None
 
     @property
@@ -109,6 +104,7 @@ class StepCells:
 
     def split(self, places: np.ndarray) -> bool:
         """Split cells at places (k, d), in equilibrium; False where there would be too many."""
+        self.scheme.release()
         grid = split(self.model.grid, places, RINGS_SPLIT_AT_ONCE, 1)
         most = self.ground.refinement.max_cells
         if (cells := len(grid.cell_level) + self.elsewhere) > most:
@@ -134,26 +130,32 @@ class StepCells:
         body = self.scheme.body
         body.commit()
         require_cells(self.ground.scene, grid)
-        old, was = body.model, stored(body, counted)
+        old, state, was = body.model.stripped(), body.state, stored(body, counted)
         virgin_was = virgin_work(body, self.moved())
-        self.scheme.drop_work_arrays()
+        del body, self.scheme, self.brittle  # gigabytes that nothing needs any more
         model = self.ground.on(grid, old)
-        state, volume = transfer(old, body.state, model), model.volumes(self.step)
-        del body, old, self.scheme  # gigabytes that nothing needs any more
+        state, volume = transfer(old, state, model), model.volumes(self.step)
+        self._move_to(model, old)
+        del old
         self.scheme = make_scheme(model, state, volume)
         self._set_step(model, volume)
         self.refinement = RefinedCells.of(grid)
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
         state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
 
+    def _move_to(self, model: Model, old: Model) -> None:
+        """What the step starts with at the nodes of a model, from those of another."""
+        self.held_up = transfer_forces(old, self.held_up, model)
+        self.displacement_before = transfer_nodes(old, self.displacement_before, model)
+
     def _set_step(self, model: Model, volume: np.ndarray) -> None:
-        """The step's load, rock that may fail and motion so far on a model; volume (particle,) m3.
+        """The step's load and rock that may fail on a model; volume (particle,) m3.
 
         What has fallen exerts no force any more, whatever the share of the load that acts.
         """
         target, before = external_force(model, self.step), max(self.step - 1, 0)
         lasting = lasting_force(model, before) if before < self.step else target
-        start = lasting + transfer_forces(self.start_cells, self.held_up, model)
+        start = lasting + self.held_up
         if self.falls and before < self.step:
             without = model.unsupported.of(~model.unsupported.falls_in(self.step))
             whole = self.ground.model(model.grid, model.body, without, all_fallen=True)
@@ -161,7 +163,6 @@ class StepCells:
         reference = step_reference_force(model, start, target, self.ramp.strain, self.step)
         self.ramp = replace(self.ramp, start=start, target=target, reference=reference)
         self.brittle = brittle_of(model, volume, self.step)
-        self.displacement_before = transfer_nodes(self.start_cells, self.start_displacement, model)
 
     @property
     def fallen(self) -> Unsupported:
@@ -208,6 +209,7 @@ class StepCells:
         volume = model.volumes(self.step)
         release_mined_hourglass(body, volume)
         follow_walls(old, model, state, body.volume)
+        self._move_to(model, old)
         self.falls = True
         self.scheme = make_scheme(model, state, volume)
         self._set_step(model, volume)
@@ -266,8 +268,8 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     more_strain = boundary_strain(scene, step) - boundary_strain(scene, before)
     ramp = Ramp(start, target, more_strain, step_reference_force(model, start, target, more_strain, step))
     cells = StepCells(
-        ground, scheme, brittle_of(model, volume, step), ramp, step, Cells.of(model), state.displacement.copy(),
-        start - lasting, RefinedCells.of(model.grid),
+        ground, scheme, brittle_of(model, volume, step), ramp, step, state.displacement.copy(), start - lasting,
+        RefinedCells.of(model.grid),
     )  # fmt: skip
     return cells, balance
 

@@ -28,7 +28,6 @@ from mpm_core.grid.splitting import split, with_leaves
 from mpm_core.model.model import Model
 from mpm_core.model.occupancy import FinestPieces, Unsupported
 from mpm_core.model.state import State, copy_from_subdomain, copy_to_subdomain
-from mpm_core.stages.state_transfer import Cells
 from mpm_core.stages.step_cells import StepCells, brittle_of, make_scheme
 
 BORDER_DISTANCE_FACTOR = {2: 8, 3: 2}
@@ -115,7 +114,7 @@ class StepSubdomain:
         self.cells = StepCells(
             ground, make_scheme(own, at_start, volume), brittle_of(own, volume, whole.step),
             replace(ramp, start=ramp.start[places["node"]], target=ramp.target[places["node"]]), whole.step,
-            Cells.of(own), at_start.displacement.copy(), whole.held_up[places["node"]], RefinedCells.of(own.grid),
+            at_start.displacement.copy(), whole.held_up[places["node"]], RefinedCells.of(own.grid),
             elsewhere=len(model.cell_nodes) - len(own.cell_nodes),
         )  # fmt: skip
         cubes = Cubes(own.grid)

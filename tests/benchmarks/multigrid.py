@@ -198,8 +198,7 @@ def main() -> None:
     grid, cell_nodes, held, rock, load = scene(BASE_SHAPE, LEVELS)
     cells = len(grid.cell_level)
 
-    solver = ElasticSolver(grid, cell_nodes, held)
-    solver.set_stiffness(rock)
+    solver = ElasticSolver(grid, cell_nodes, held, rock)
     finest, double = solver.finest, solver.operator
     rows = len(double.zeros())
     generator = np.random.default_rng(2)
@@ -209,8 +208,7 @@ def main() -> None:
     anderson = Anderson(unknowns, 6)
 
     def set_up():
-        fresh = ElasticSolver(grid, cell_nodes, held)
-        fresh.set_stiffness(rock)
+        ElasticSolver(grid, cell_nodes, held, rock)
 
     def apply(operator, precision):
         return lambda: operator.apply(values[precision], forces[precision])

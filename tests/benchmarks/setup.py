@@ -31,8 +31,7 @@ PAUSE = 5.0  # s
 def turn(grid, cell_nodes, held, rock, load) -> dict:
     """Seconds of set-up and of a solution, and the processor's in the kernel of the operating system."""
     clock = [(time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_stime)]
-    solver = ElasticSolver(grid, cell_nodes, held)
-    solver.set_stiffness(rock)
+    solver = ElasticSolver(grid, cell_nodes, held, rock)
     clock.append((time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_stime))
     solution = solver.solve(load, 1e-6, 100)
     clock.append((time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_stime))

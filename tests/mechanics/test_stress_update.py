@@ -16,7 +16,7 @@ from mechanics.scenes import (
 )
 from mpm_core.equilibrium.body import Body
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
-from mpm_core.model.particles import owned_samples, point_table
+from mpm_core.model.particles import centroids, owned_samples, point_table
 
 PLANES = {2: "xz", 3: None}
 CASES = [(2, 1, "mean"), (2, 3, "mean"), (3, 1, "mean"), (3, 2, "mean"), (2, 1, "subdivide")]
@@ -81,7 +81,7 @@ def test_stress_and_forces_are_those_of_the_shape_function_gradients(dimension, 
     for p in np.flatnonzero(volume > 0.0):
         nodes, size = model.cell_nodes[particles.cell[p]], grid.cell_size[particles.cell[p]]
         is_mean = particles.row[p] >= particles.shared_rows
-        places = sample_places(model, p) if is_mean else particles.xi[[p]]
+        places = sample_places(model, p) if is_mean else centroids(particles.modes[particles.row[[p]]])
         gradient = np.mean([shape_gradients(corners, place, size)[1] for place in places], axis=0)
         velocity_gradient = np.zeros((3, 3))
         velocity_gradient[:dimension, :dimension] = state.velocity[nodes].T @ gradient

@@ -47,8 +47,7 @@ def solve(grid, cells, held_faces=None, seed=1) -> Solution:
             if held_faces is None or (axis, side) in held_faces:
                 held[grid.boundary_nodes(axis, side)] = True
     order = [0, 1, 3, 2, 4, 5, 7, 6][: 1 << grid.dimension]
-    solver = ElasticSolver(grid, np.ascontiguousarray(grid.vtk_nodes[:, order]), held)
-    solver.set_stiffness(cells)
+    solver = ElasticSolver(grid, np.ascontiguousarray(grid.vtk_nodes[:, order]), held, cells)
     force = np.random.default_rng(seed).standard_normal(held.shape)
     return solver.solve(force, 1e-6, 40)
 

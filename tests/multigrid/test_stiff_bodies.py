@@ -7,6 +7,7 @@ import pytest
 
 from mpm_core.equilibrium.multigrid_scheme import MultigridScheme
 from mpm_core.multigrid import stiff_bodies
+from mpm_core.multigrid.coarsening import finest_grid
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiff_bodies import StiffBodies, host_shear
 from mpm_core.settings import lame_parameters
@@ -77,7 +78,7 @@ def test_host_is_what_fills_most_of_the_volume_whatever_the_units(scale):
     body = ball([8.0, 8.0, 8.0], 2.5)
     grid = grid_around([body], (4, 4, 4), 3, 4.0)
     inside = body(grid.cell_center)
-    level = ElasticSolver(grid, grid.vtk_nodes, np.zeros((len(grid.node_index), 3), bool)).finest.grid
+    level = finest_grid(grid, grid.vtk_nodes)
     shear = cells_of(grid, np.ones(len(inside))).constants[:, 1] / grid.cell_size[0] * 2.0
     stiff = scale * np.where(inside, 100.0, 1.0) * shear
     soft = scale * np.where(inside, 0.01, 1.0) * shear
@@ -96,8 +97,7 @@ def test_matrices_of_cells_are_those_of_the_operator(points):
     order = [0, 1, 3, 2, 4, 5, 7, 6]
     held = np.zeros((len(grid.node_index), 3), bool)
     held[grid.boundary_nodes(0, 0)] = True
-    solver = ElasticSolver(grid, np.ascontiguousarray(grid.vtk_nodes[:, order]), held)
-    solver.set_stiffness(cells)
+    solver = ElasticSolver(grid, np.ascontiguousarray(grid.vtk_nodes[:, order]), held, cells)
     bodies = solver.cycle.bodies
     motion, forces, solution = (solver.operator.zeros() for _ in range(3))
     motion[bodies.elements] = np.random.default_rng(0).standard_normal(len(bodies.elements))
@@ -126,9 +126,8 @@ def test_stress_in_a_stiff_cylinder_is_eshelbys(ratio, shear):
         for side in range(2):
             held[grid.boundary_nodes(axis, side)] = True
     corners = np.ascontiguousarray(grid.vtk_nodes[:, [0, 1, 3, 2]])
-    solver = ElasticSolver(grid, corners, held)
     cells = cells_of(grid, np.where(inside, ratio, 1.0))
-    solver.set_stiffness(cells)
+    solver = ElasticSolver(grid, corners, held, cells)
     place = grid.node_position - middle
     far = place * ([1.0, -1.0] if shear else [1.0, 1.0])
     far[np.isin(np.arange(len(place)), grid.vtk_nodes[inside])] = 0.0  # the body unstrained: no forces in it
@@ -214,10 +213,10 @@ def test_failed_rock_beside_stiff_bodies(dimension, caplog):
 def test_bodies_are_absent_without_contrast():
     """Uniform rock with a tunnel: single precision, no blocks."""
     grid, stiff = bodies_2_or_3("ball", 2)
-    solver = ElasticSolver(grid, grid.vtk_nodes, np.zeros((len(grid.node_index), 2), bool))
-    solver.set_stiffness(cells_of(grid, np.where(stiff, 0.0, MODULUS)))
+    held = np.zeros((len(grid.node_index), 2), bool)
+    solver = ElasticSolver(grid, grid.vtk_nodes, held, cells_of(grid, np.where(stiff, 0.0, MODULUS)))
     assert solver.cycle.bodies is None
     assert solver.finest.residual.dtype == np.float32
-    solver.set_stiffness(cells_of(grid, np.where(stiff, 1e4 * MODULUS, MODULUS)))
+    solver = ElasticSolver(grid, grid.vtk_nodes, held, cells_of(grid, np.where(stiff, 1e4 * MODULUS, MODULUS)))
     assert isinstance(solver.cycle.bodies, StiffBodies)
     assert solver.finest.residual.dtype == np.float64

@@ -110,7 +110,7 @@ def test_tables_of_a_part_are_those_of_the_mine(dimension, cut_cells):
     assert (own >= 0).any()
     np.testing.assert_array_equal(own >= 0, parents >= 0)
     np.testing.assert_array_equal(part.nodes[own[own >= 0]], parents[own >= 0])
-    for name in ("excavation", "material", "xi", "position", "spacing", "full_volume", "sample"):
+    for name in ("excavation", "material", "position", "spacing", "full_volume", "sample"):
         np.testing.assert_array_equal(getattr(model.particles, name), getattr(tables, name)[part.particles])
     np.testing.assert_array_equal(part.cells[model.particles.cell], tables.cell[part.particles])
     np.testing.assert_array_equal(model.volumes(0), part.volume)
