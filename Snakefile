@@ -11,6 +11,7 @@ snakemake --cores all extremes                                     random scenes
 snakemake --cores all tradeoff                                     speed against accuracy: what each knob buys
 snakemake --cores all stability                                    the numerics driven until they break
 snakemake --cores all mine_times                                   what a mine costs, by cells and steps
+snakemake --cores all scale                                        how time and memory grow with a mine
 snakemake --cores all catalog_spread                               what a catalogue's spread consists of
 snakemake --cores all calibration_truth                            the demo's calibration on known truth
 """

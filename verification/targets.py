@@ -13,6 +13,7 @@ from snakemake.iocontainers import Wildcards
 from common.errors import InputError
 from verification.benchmarks.settings import Settings, read_settings
 from verification.calibration_truth.settings import TERMS
+from verification.scale import DRAWN
 from verification.stability import KEYS, SEVERAL_SEEDS
 from verification.studies import Study, load_study
 from workflow.folders import NAME
@@ -131,6 +132,10 @@ MEASURING = {  # By the name of the target.
     ),
     # Processor time and memory of shipped mines, by cells and steps.
     "mine_times": Measuring(lambda cases: cases.studies.named("times_")[::-1], memory=4000, tables=("steps",)),
+    # Processor time and memory of all stages as cells, openings, steps and events grow.
+    "scale": Measuring(
+        lambda cases: [*cases.studies.named("scale_"), *DRAWN], memory=12000, tables=("growth",), numerics=("catalogs",)
+    ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000),
     # The numerics driven until they break, one setting at a time.
@@ -191,7 +196,7 @@ class Cases:
                 sys.exit(f"config/benchmarks.yaml: asks for no case {wildcards.case}; there are {', '.join(names)}")
             previous = self.files("benchmarks")[: names.index(wildcards.case)][-1:]
             return list(dict.fromkeys([*self.smaller(wildcards.case), *previous]))
-        if wildcards.target == "stability":
+        if wildcards.target == "stability" or wildcards.case in DRAWN:
             return []
         return [*self.studies.results_of([wildcards.case]), self.studies.file(wildcards.case)]
 

@@ -34,6 +34,7 @@ RESERVED = (
     "stability",
     "catalog_spread",
     "mine_times",
+    "scale",
     "calibration_truth",
 )  # folders of results
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff

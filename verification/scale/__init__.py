@@ -1,0 +1,3 @@
+"""How time and memory grow with cells, openings, steps and events."""
+
+DRAWN = ("openings", "steps", "events")  # Cases whose mines and catalogues are drawn by seed.

@@ -1,0 +1,123 @@
+"""The study of growth: a case for each thing that grows, a row for each stage at each size, and its exponent."""
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from common.errors import InputError
+from verification.frame import CaseResults, Inputs, MeasuringStudy, read_study
+from verification.page_tables import Columns
+from verification.results import Variant
+from verification.scale import DRAWN
+from verification.scale.drawn import rows_of
+
+COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#000000")  # Okabe and Ito (2008)
+MIN_SECONDS = 1.0  # What takes less at both sizes says nothing about growth.
+HISTORY, LATER = "history", "a later step"
+COLUMNS = ["case", "size", "stage", "processor_s", "memory_MiB", "failed"]
+GROWTH = "growth"  # Name of the table of exponents.
+
+
+def measure_case(name: str, inputs: Inputs, threads: int) -> list[dict]:
+    """Rows of a case: case, size, stage, processor_s, memory_MiB and, of cells, failed particles."""
+    if name in DRAWN:
+        return rows_of(name, threads)
+    results = read_study(name)
+    return [row for one in results.variants.values() for row in rows_of_stages(one, f"cells of {results.study.title}")]
+
+
+def rows_of_stages(variant: Variant, case: str) -> list[dict]:
+    """Rows of the stages of the mechanics. Raises InputError for one whose log does not state its costs."""
+    rows = []
+    for stage in variant.stages:
+        costs = variant.costs(stage)
+        if costs is None:
+            raise InputError(f"{variant.mine.name}: the log of {stage} does not state its costs; run the stage again")
+        facts, name = {}, stage
+        if stage.startswith("steps/"):
+            step = stage.removeprefix("steps/")
+            facts, name = variant.step(step).attrs, HISTORY if step == variant.step_names[0] else LATER
+        rows.append(
+            {
+                "case": case,
+                "size": int(facts.get("cells", variant.grid.sizes["cell"])),
+                "stage": name,
+                "processor_s": costs.running,
+                "memory_MiB": costs.memory,
+                "failed": int(facts.get("failed_particles", 0)),
+            }
+        )
+    variant.kept.clear()  # States are large.
+    return rows
+
+
+def table_of(results: CaseResults) -> pd.DataFrame:
+    """All rows; bytes_per_cell of stages of the mechanics."""
+    table = pd.DataFrame([row for case in results.values() for row in case]).reindex(columns=COLUMNS)
+    of_cells = table["case"].str.startswith("cells")
+    table["bytes_per_cell"] = np.where(of_cells, table["memory_MiB"] * 2**20 / table["size"], np.nan)
+    return table
+
+
+def growth_of(table: pd.DataFrame) -> pd.DataFrame:
+    """Exponent of processor time from each size of a case and stage to the next one; of later steps, their mean."""
+    rows = []
+    for (case, stage), group in table.groupby(["case", "stage"], sort=False):
+        if stage == LATER:  # each step has other cells: steps of a run are neighbours in the table
+            run = (group["size"].diff().fillna(0) > 0.2 * group["size"].shift()).cumsum()
+            group = group.groupby(run)[["size", "processor_s"]].mean().reset_index(drop=True)
+        group = group.sort_values("size")
+        for one, other in pairwise(group.itertuples()):
+            if min(one.processor_s, other.processor_s) >= MIN_SECONDS:
+                exponent = np.log(other.processor_s / one.processor_s) / np.log(other.size / one.size)
+                rows.append({"case": case, "stage": stage, "from": one.size, "to": other.size, "exponent": exponent})
+    return pd.DataFrame(rows, columns=["case", "stage", "from", "to", "exponent"])
+
+
+def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
+    """The table of all rows, and that of exponents."""
+    table = table_of(results)
+    return {"table": table, GROWTH: growth_of(table)}
+
+
+def figures(results: CaseResults) -> dict[str, Figure]:
+    """Processor time of each stage against size, a panel for each case."""
+    table = table_of(results)
+    cases = list(dict.fromkeys(table["case"]))
+    figure = style.new_figure(height=2.6 * ((len(cases) + 1) // 2))
+    panels = figure.subplots((len(cases) + 1) // 2, 2, squeeze=False).ravel()
+    for panel, case in zip(panels, cases, strict=False):
+        own = table[table["case"] == case]
+        for colour, (stage, rows) in zip(COLOURS * 2, own.groupby("stage", sort=False), strict=False):
+            line = "o" if stage == LATER else "o-"
+            panel.loglog(rows["size"], rows["processor_s"], line, color=colour, markersize=4, label=stage)
+        panel.set_title(case)
+        panel.set_xlabel("cells" if case.startswith("cells") else case)
+        panel.set_ylabel("processor time (s)")
+        panel.grid(color="#e8e8e8", linewidth=0.6)
+        panel.legend(fontsize=6)
+    for panel in panels[len(cases) :]:
+        panel.set_axis_off()
+    return {"growth": figure}
+
+
+STUDY = MeasuringStudy(
+    measure_case,
+    tables,
+    figures,
+    shown=(
+        Columns(
+            "Processor time and memory by size",
+            ("case", "size", "stage", "processor_s", "memory_MiB", "bytes_per_cell", "failed"),
+        ),
+        Columns(
+            f"Exponents of growth, where both sizes take {MIN_SECONDS:g} s or more",
+            ("case", "stage", "from", "to", "exponent"),
+            file=GROWTH,
+        ),
+    ),
+    names=("case", "size", "stage"),
+)
