@@ -18,6 +18,7 @@ from mpm_core.model.model import Model
 from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 
 CENTER = np.empty((0, 6))  # In place of changes of stress: rock is judged at the centre of its cell.
+CANDIDATES_AT_ONCE = 1 << 18  # Changes of stress of so many particles are held at once.
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,11 @@ def find_brittle(model: Model, volume: np.ndarray, step: int, neighbor_start, ne
 def new_failures(model: Model, state: State, brittle: Brittle) -> np.ndarray:
     """Intact particles that fail now, ascending."""
     intact = brittle.sound[state.failed[brittle.sound] < 0]
-    sound = above_strength(model, state, intact, stress_to_front(model, state, brittle, intact))
+    found = [intact[:0]]
+    for first in range(0, len(intact), CANDIDATES_AT_ONCE):
+        some = intact[first : first + CANDIDATES_AT_ONCE]
+        found.append(above_strength(model, state, some, stress_to_front(model, state, brittle, some)))
+    sound = np.concatenate(found)
     broken = np.zeros(len(model.cell_nodes), bool)
     broken[model.particles.cell[(state.failed >= 0) & brittle.present]] = True
     broken[model.particles.cell[sound]] = True

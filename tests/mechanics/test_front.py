@@ -162,6 +162,17 @@ IMAGES = {  # The place of a point, and the order and sign of stress components 
 }
 
 
+def test_the_same_rock_fails_however_much_is_judged_at_once(model, monkeypatch):
+    """Random stress around strength, some rock failed already: all at once, and seven particles at a time."""
+    state, brittle, random = model.virgin_state(), brittle_of(model), np.random.default_rng(1)
+    state.stress[:] = random.uniform(-60e6, 5e6, (model.particles.count, 6)) * [1, 1, 1, 0, 0, 0]
+    state.failed[random.random(model.particles.count) < 0.2] = 0
+    at_once = new_failures(model, state, brittle)
+    assert 0 < len(at_once) < len(brittle.sound)
+    monkeypatch.setattr("mpm_core.equilibrium.brittle.CANDIDATES_AT_ONCE", 7)
+    np.testing.assert_array_equal(new_failures(model, state, brittle), at_once)
+
+
 def round_opening(center, radius: float, cell: float, solids: int):
     """A block of 16 x 16 cells with a round opening, in one solid or in two halves."""
     whole = ball(center, radius)
