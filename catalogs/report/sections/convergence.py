@@ -14,15 +14,27 @@ from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 
 PANELS_PER_ROW = 3
+MAX_PANELS = 24  # The figure shows the stages with the most iterations; the table has all.
 MAX_POINTS_PER_CURVE = 4000  # More points of one curve cannot be distinguished in a panel.
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
-    """Content of the section on convergence: figure (None before any stage) and table (attributes and number of new
-    failures of each stage)."""
-    figure = gallery.add("convergence", convergence(evidence.stages)) if evidence.stages else None
+    """Content of the section on convergence: figure (None before any stage), number of stages that it shows, and table
+    (attributes and number of new failures of each stage)."""
+    drawn = with_most_iterations(evidence.stages)
+    figure = gallery.add("convergence", convergence(drawn)) if drawn else None
     failures = [int(stage["convergence_new_failures"].values.sum()) for stage in evidence.stages]
-    return {"figure": figure, "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True))}
+    return {
+        "figure": figure,
+        "panels": len(drawn),
+        "table": list(zip([stage.attrs for stage in evidence.stages], failures, strict=True)),
+    }
+
+
+def with_most_iterations(stages: list[xr.Dataset]) -> list[xr.Dataset]:
+    """The MAX_PANELS stages with the most iterations, in their order; of equal ones the earlier."""
+    count = np.array([stage.sizes["iteration"] for stage in stages])
+    return [stages[index] for index in np.sort(np.argsort(-count, kind="stable")[:MAX_PANELS])]
 
 
 def running_iteration(iteration: np.ndarray) -> np.ndarray:
