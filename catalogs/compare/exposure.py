@@ -35,7 +35,8 @@ MAX_EQUAL_EVENTS = 1e7  # More equal events make an interval no narrower that ma
 
 @dataclass(frozen=True)
 class Exposure:
-    """The parts of the dated steps, in order, during which both catalogues are known: starts and ends (step,), ns."""
+    """The parts of the dated steps, in order and apart, during which both catalogues are known: starts and ends
+    (step,), ns."""
 
     start: NDArray
     end: NDArray
@@ -60,22 +61,23 @@ class Exposure:
         time = np.asarray(time, "datetime64[ns]")
         if not len(self.start):
             return np.zeros(len(time), np.int64)
-        inside = (time[:, None] >= self.start) & (time[:, None] < self.end)
-        return np.where(inside.any(axis=1), np.argmax(inside, axis=1), -1)
+        last = np.searchsorted(self.start, time, side="right") - 1  # that begins by then
+        return np.where((last >= 0) & (time < self.end[last]), last, -1)
 
     def counts(self, time: NDArray) -> list[NDArray]:
         """Events on each day of each step (day,), those without events included."""
         time = np.asarray(time, "datetime64[ns]")
-        parts = list(zip(self.start, self.end, strict=True))
         if not len(self.start):
             known = time[~np.isnat(time)]
-            parts = [(known.min(), known.max() + np.timedelta64(1, "ns"))] if known.size else []
-        found = []
-        for start, end in parts:
-            inside = (time >= start) & (time < end)
-            count = int(np.ceil((end - start) / DAY))
-            found.append(np.bincount((time[inside] - start) // DAY, minlength=count))
-        return found
+            whole = (known.min(), known.max() + np.timedelta64(1, "ns")) if known.size else ()
+            return Exposure(*np.array([whole], "datetime64[ns]").T).counts(time) if whole else []
+        step = self.step(time)
+        order = np.argsort(step, kind="stable")
+        bounds = np.searchsorted(step[order], np.arange(len(self.start) + 1))
+        parts = zip(self.start, self.end, np.split(time[order], bounds)[1:], strict=False)
+        return [
+            np.bincount((own - start) // DAY, minlength=int(np.ceil((end - start) / DAY))) for start, end, own in parts
+        ]
 
     def dispersion_index(self, time: NDArray, clusters: NDArray, counted: NDArray | None = None) -> float:
         """Variance of the number of events over its mean, at least 1, which is that of independent events.

@@ -6,11 +6,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.compare.exposure import window
+from catalogs.compare.exposure import Exposure, window
 from catalogs.figures.views import axes_of
 from catalogs.report.evidence import Evidence
 from catalogs.report.text import number, percent
-from catalogs.sources.openings import nearest_opening
 from catalogs.sources.sizes import log_potency
 
 ROWS_LISTED = 20  # Openings that a long table keeps: those with most potency.
@@ -48,15 +47,16 @@ def step_of_events(evidence: Evidence, events: xr.Dataset) -> NDArray:
     A modelled event has its step. A recorded one has the step within whose dates it lies, as in the comparison,
     whatever a column of steps says.
     """
-    order = {step["step"]: place for place, step in enumerate(evidence.steps)}
-    own = np.full(events.sizes["event"], -1)
+    place = {str(step["step"]): place for place, step in enumerate(evidence.steps)}
     if events.attrs["kind"] == "synthetic":
-        own = np.array([order.get(str(name), -1) for name in events["step"].values], int)
-    for step in evidence.dated:
-        start, end = window(step)
-        time = events["time"].values
-        own[(own < 0) & (time >= start) & (time < end)] = order[step["step"]]
-    return own
+        return np.array([place.get(str(name), -1) for name in events["step"].values], np.int64)
+    dated = evidence.dated
+    windows = np.array([window(step) for step in dated], "datetime64[ns]").reshape(-1, 2)
+    if not len(windows):
+        return np.full(events.sizes["event"], -1)
+    numbers = np.array([place[str(step["step"])] for step in dated])
+    of_dated = Exposure(*windows.T).step(events["time"].values)
+    return np.where(of_dated >= 0, numbers[of_dated], -1)
 
 
 def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDArray]:
@@ -66,16 +66,9 @@ def nearest_mined(evidence: Evidence, events: xr.Dataset) -> tuple[NDArray, NDAr
     """
     own, axes = step_of_events(evidence, events), axes_of(evidence.grid)
     found, distance = np.full(len(own), -1), np.full(len(own), np.nan)
-    for step in np.unique(own[own >= 0]):
-        here = own == step
-        origin, opening = evidence.mining.cells_open(step)
-        found[here], distance[here] = nearest_opening(
-            events["location"].values[here][:, axes],
-            origin[:, axes],
-            float(evidence.grid.attrs["fine_cell"]),
-            opening,
-            np.ones(evidence.mining.count, bool),
-        )
+    here, edge = np.flatnonzero(own >= 0), float(evidence.grid.attrs["fine_cell"])
+    places = events["location"].values[here][:, axes]
+    found[here], distance[here] = evidence.mining.nearest_open(places, own[here], edge, axes)
     return found, distance
 
 
@@ -84,29 +77,33 @@ def opening_rows(evidence: Evidence, catalogues: list[xr.Dataset], counted: list
 
     catalogues: the modelled one, and the recorded one if there is one; counted (event,): which of their events count.
     """
-    sides = []
+    sides, totals = [], []
     for events, chosen in zip(catalogues, counted, strict=True):
         opening, distance = nearest_mined(evidence, events)
-        kept = chosen & (opening >= 0)
-        sides.append((opening[kept], distance[kept], events["potency"].values[kept]))
+        potency, kept = events["potency"].values, np.flatnonzero(chosen & (opening >= 0))
+        totals.append(float(np.nansum(potency[kept])))
+        kept = kept[np.argsort(opening[kept], kind="stable")]
+        bounds = np.searchsorted(opening[kept], np.arange(1, evidence.mining.count))
+        sides.append([np.split(values[kept], bounds) for values in (distance, potency)])
     rows = []
     for index, excavation in enumerate(evidence.excavations):
-        if any((opening == index).any() for opening, _, _ in sides):
-            near = tuple(_near(side, side[0] == index, excavation.mined) for side in sides)
+        own = [(distance[index], potency[index]) for distance, potency in sides]
+        if any(len(potency) for _, potency in own):
+            near = tuple(_near(*one, total, excavation.mined) for one, total in zip(own, totals, strict=True))
             rows.append(OpeningRow(excavation.name, excavation.step, excavation.mined, near))
     return rows
 
 
-def _near(side: tuple[NDArray, NDArray, NDArray], here: NDArray, volume: float) -> Near:
-    _, distance, potency = side
-    own, total = float(np.nansum(potency[here])), float(np.nansum(potency))
+def _near(distance: NDArray, potency: NDArray, total: float, volume: float) -> Near:
+    """Events (event,) nearest to an opening; total: potency of all events, m3; volume: that the opening mines, m3."""
+    own = float(np.nansum(potency))
     return Near(
-        int(here.sum()),
+        len(potency),
         own,
         own / total if total > 0.0 else np.nan,
         PER_VOLUME * own / volume if volume > 0.0 else np.nan,
-        float(np.median(distance[here])) if here.any() else np.nan,
-        float(np.nanmax(log_potency(potency[here]), initial=-np.inf)) if here.any() else np.nan,
+        float(np.median(distance)) if len(distance) else np.nan,
+        float(np.nanmax(log_potency(potency), initial=-np.inf)) if len(potency) else np.nan,
     )
 
 

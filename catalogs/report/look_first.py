@@ -55,10 +55,12 @@ def _by_place(evidence: Evidence, events: xr.Dataset, counted: NDArray) -> dict[
     opening, step = nearest_mined(evidence, events)[0], step_of_events(evidence, events)
     dated = [place for place, one in enumerate(evidence.steps) if int(one["dated"])]
     near = (opening >= 0) & np.isin(step, dated) & (potency > 0.0)
+    found, place = np.unique(np.column_stack([opening, step])[near], axis=0, return_inverse=True)
+    order = np.argsort(place.reshape(-1), kind="stable")
+    bounds = np.searchsorted(place.reshape(-1)[order], np.arange(1, len(found)))
     return {
-        (int(key[0]), int(key[1])): (float(here.sum() / total), float(here.max()))
-        for key in np.unique(np.column_stack([opening, step])[near], axis=0)
-        for here in [potency[near & (opening == key[0]) & (step == key[1])]]
+        (one, when): (float(here.sum() / total), float(here.max()))
+        for (one, when), here in zip(found.tolist(), np.split(potency[near][order], bounds), strict=False)
     }
 
 

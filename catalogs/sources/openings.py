@@ -8,6 +8,7 @@ order (mpm_core/model/occupancy.py).
 import json
 from collections import defaultdict
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -17,6 +18,7 @@ from scipy.spatial import cKDTree
 from common.errors import InputError
 
 NEIGHBOURS = 16  # Cells, nearest by their centres, among which the nearest by its sides is looked for.
+SPANS = 8  # Parts of a span of steps in which its openings are looked for.
 NEVER = 1 << 30  # Place in the order of steps of what no step does.
 MIN_OVERLAP = 0.05  # Excavations overlap that have more than this share of the smaller one in common.
 NOTHING, ROCK, FILL = range(3)  # What an excavation mines of one of its pieces.
@@ -75,11 +77,40 @@ class Mining:
     def cells_open(self, step: int) -> tuple[NDArray, NDArray]:
         """Cells that excavations have mined a part of up to a step: lower corners (cell, xyz) m, and of each the
         excavation (cell,) that mined there last; a cell may have several."""
-        own = np.flatnonzero((self.takes != NOTHING) & (self.step <= step) & (self.until > step))
+        return self._cells(np.flatnonzero((self.takes != NOTHING) & (self.step <= step) & (self.until > step)))
+
+    def _cells(self, own: NDArray) -> tuple[NDArray, NDArray]:
+        """Lower corners (cell, xyz) m and excavations (cell,) of pieces (k,), of which those of one cell are one."""
         origin, excavation = self.origin[own], self.excavation[own]
         same = (origin[1:] == origin[:-1]).all(axis=1) & (excavation[1:] == excavation[:-1])
         first = np.append(True, ~same)[: len(own)]
         return origin[first], excavation[first]
+
+    def nearest_open(self, points: NDArray, step: NDArray, edge: float, axes: list[int]) -> tuple[NDArray, NDArray]:
+        """Index of the nearest excavation of each point that is open in the point's step, and the distance, m.
+
+        points (point, d) m, along these axes; step (point,); edge: of the cells, m. -1 and NaN where nothing is open.
+        Pieces are searched together that are open in a span of steps, the spans SPANS times shorter at each level, so
+        that no piece is searched anew for each step.
+        """
+        found, distance = np.full(len(points), -1), np.full(len(points), np.inf)
+        steps, place = np.unique(step, return_inverse=True)
+        first, end = np.searchsorted(steps, self.step), np.searchsorted(steps, self.until)
+        spans = [(0, len(steps), np.arange(len(points)), np.flatnonzero((self.takes != NOTHING) & (first < end)))]
+        while spans:
+            start, stop, own, pieces = spans.pop()
+            whole = (first[pieces] <= start) & (end[pieces] >= stop)
+            origin, excavation = self._cells(pieces[whole])
+            of_all = np.ones(self.count, bool)
+            nearest, apart = nearest_opening(points[own], origin[:, axes], edge, excavation, of_all)
+            closer = apart < distance[own]
+            found[own[closer]], distance[own[closer]] = nearest[closer], apart[closer]
+            rest = pieces[~whole]
+            bounds = np.unique(np.linspace(start, stop, SPANS + 1).astype(int))
+            for low, high in pairwise(bounds.tolist()) if len(rest) else ():
+                inside = own[(place[own] >= low) & (place[own] < high)]
+                spans.append((low, high, inside, rest[(first[rest] < high) & (end[rest] > low)]))
+        return found, np.where(found >= 0, distance, np.nan)
 
     def first_mined(self, grid: xr.Dataset) -> xr.Dataset:
         """The grid with the pieces that their excavations mine as rock only, so that each part of a cell is in one.
