@@ -120,19 +120,31 @@ def test_larger_cells_hold_the_same_volume_in_the_same_place():
 # ---- the data of a mine ----
 
 
-def volume_of(surface: dict) -> tuple[float, np.ndarray, np.ndarray]:
-    """Volume m3 and the extent of a surface, relative to the middle of the view."""
-    vertices = np.array(surface["origin"]) + unpacked(surface["vertices"]).reshape(-1, 3) * surface["unit"]
-    return enclosed_volume(vertices, unpacked(surface["triangles"]).reshape(-1, 3)), vertices.min(0), vertices.max(0)
+def volumes_of(surfaces: dict) -> list[tuple[float, np.ndarray, np.ndarray]]:
+    """Volume m3 and the extent of each part of surfaces, relative to the middle of the view."""
+    vertices = np.array(surfaces["origin"]) + unpacked(surfaces["vertices"]).reshape(-1, 3) * surfaces["unit"]
+    triangles = unpacked(surfaces["triangles"]).reshape(-1, 3)
+    found, vertex, triangle = [], 0, 0
+    for part in surfaces["parts"]:
+        own = vertices[vertex : vertex + part["vertices"]]
+        corners = triangles[triangle : triangle + part["triangles"]] - vertex
+        found.append((enclosed_volume(own, corners), own.min(0), own.max(0)))
+        vertex, triangle = vertex + part["vertices"], triangle + part["triangles"]
+    assert (vertex, triangle) == (len(vertices), len(triangles))
+    return found
 
 
 def test_openings_have_volume_place_step_and_fill_of_the_excavations(data, mine, evidence):
     """A drive that stays open, a stope filled at once, one whose fill is planned, one that is planned itself."""
-    openings = {(one["step"], one["filled"]): one for one in data["openings"]}
+    openings = {
+        (part["step"], part["filled"]): volume
+        for name in ("openings", "planned")
+        for part, volume in zip(data[name]["parts"], volumes_of(data[name]), strict=True)
+    }
     assert set(openings) == {(0, -1), (1, 1), (2, -1), (-1, -1)}
     drawn = json.loads(evidence.grid.attrs["excavation_volume_grid"])
     for key, index in (((0, -1), 0), ((1, 1), 1), ((2, -1), 2), ((-1, -1), 3)):
-        volume, low, high = volume_of(openings[key])
+        volume, low, high = openings[key]
         box = fixtures.ORIGIN + fixtures.BOXES[index] * 96.0 - data["centre"]
         assert volume == pytest.approx(drawn[index], rel=0.05)
         np.testing.assert_allclose([low, high], box, atol=0.6 * 4.0)  # cells of 4 m
@@ -142,10 +154,10 @@ def test_failed_rock_has_the_volume_of_the_particles_that_the_figures_draw(data,
     state = evidence.state
     spacing, failed = state["spacing"].values, state["failed"].values
     drawn = state["volume"].values > (1 - views.MIN_EXCAVATED_SHARE_DRAWN) * spacing**3
-    assert [one["step"] for one in data["rock"]] == [0, 1, 2]
-    for one in data["rock"]:
-        own = (failed == one["step"]) & drawn
-        volume, low, high = volume_of(one)
+    steps = [part["step"] for part in data["rock"]["parts"]]
+    assert steps == [0, 1, 2]  # in order: the view draws a run of them
+    for step, (volume, low, high) in zip(steps, volumes_of(data["rock"]), strict=True):
+        own = (failed == step) & drawn
         assert volume == pytest.approx((spacing[own] ** 3).sum(), rel=0.01)
         place = part_centers(state)[own] - data["centre"]
         np.testing.assert_allclose([low, high], [place.min(0) - 2.0, place.max(0) + 2.0], atol=2.1)
@@ -234,8 +246,8 @@ def test_without_events_rock_and_openings_are_left(evidence):
     assert shown["titles"] == [MODELLED]
     assert not shown["has_events"]
     assert shown["data"]["catalogues"][0]["count"] == 0
-    assert shown["data"]["rock"]
-    assert shown["data"]["openings"]
+    assert shown["data"]["rock"]["parts"]
+    assert shown["data"]["openings"]["parts"]
 
 
 def test_a_mine_in_a_plane_and_one_without_steps_have_no_view(mine, tmp_path):

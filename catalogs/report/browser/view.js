@@ -35,16 +35,41 @@
     return array;
   }
 
-  // A closed surface in one colour that lets what is behind it show through.
-  async function meshOf(surface, colour, opacity) {
+  // Closed surfaces, one part for each step, in one mesh that lets what is behind it show through.
+  async function meshOf(surface, opacity) {
     const place = await unpacked(surface.vertices);
     const position = Float32Array.from(place, (value, i) => surface.origin[i % 3] + value * surface.unit);
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
+    geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(position.length), 3));
     geometry.setIndex(new THREE.BufferAttribute(Uint32Array.from(await unpacked(surface.triangles)), 1));
     geometry.computeVertexNormals();
-    const look = { color: colour, opacity, transparent: true, depthWrite: false, side: THREE.DoubleSide };
-    return new THREE.Mesh(geometry, new THREE.MeshLambertMaterial(look));
+    const look = { vertexColors: true, opacity, transparent: true, depthWrite: false, side: THREE.DoubleSide };
+    const mesh = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial(look));
+    return { mesh, parts: surface.parts };
+  }
+
+  // Give each part of a mesh its colour.
+  function paint({ mesh, parts }, colourOf) {
+    const colours = mesh.geometry.attributes.color, colour = mesh.material.color.clone();
+    let vertex = 0;
+    for (const part of parts) {
+      colour.set(colourOf(part));
+      const end = vertex + part.vertices;
+      for (; vertex < end; vertex++) colours.setXYZ(vertex, colour.r, colour.g, colour.b);
+    }
+    colours.needsUpdate = true;
+  }
+
+  // Show the parts that are chosen, which follow one another: parts are in the order of steps.
+  function show({ mesh, parts }, isShown) {
+    let first = 0, count = 0;
+    for (const part of parts) {
+      if (isShown(part)) count += 3 * part.triangles;
+      else if (!count) first += 3 * part.triangles;
+    }
+    mesh.geometry.setDrawRange(first, count);
+    mesh.visible = count > 0;
   }
 
   // Events are discs of constant size on the screen with a dark rim. They are not shaded, so that their colours are
@@ -140,23 +165,19 @@
     sun.position.set(-0.5, 0.8, 1);
     scene.add(camera, new THREE.AmbientLight(0xffffff, 1.3));
 
-    const openings = [], rocks = [], material = eventMaterial(renderer.getPixelRatio());
-    for (const opening of data.openings) {
-      const planned = opening.step < 0;
-      const mesh = await meshOf(opening, data.colours.open, planned ? OPACITY.planned : OPACITY.open);
-      openings.push({ ...opening, mesh });
-      scene.add(mesh);
-    }
-    for (const rock of data.rock) {
-      const mesh = await meshOf(rock, data.steps[rock.step].colour, OPACITY.rock);
-      rocks.push({ ...rock, mesh });
-    }
+    const planned = await meshOf(data.planned, OPACITY.planned);
+    const openings = await meshOf(data.openings, OPACITY.open);
+    const rock = await meshOf(data.rock, OPACITY.rock);
+    const material = eventMaterial(renderer.getPixelRatio());
+    paint(planned, () => data.colours.open);
+    paint(rock, ({ step }) => data.steps[step].colour);
+    scene.add(planned.mesh, openings.mesh);
     const sides = [];
     for (const catalogue of data.catalogues) {
       const { label, modelled, count } = catalogue, group = new THREE.Group();
       const events = await eventsOf(catalogue, data, material);
       group.add(events.points);
-      if (modelled) group.add(...rocks.map((rock) => rock.mesh));
+      if (modelled) group.add(rock.mesh);
       scene.add(group);
       sides.push({ label, modelled, count, events, group, title: element("title-" + sides.length) });
     }
@@ -174,12 +195,12 @@
       element("step-name").textContent = data.steps[step].name;
       element("least-value").textContent = fixed(least, 1);
       element("step").setAttribute("aria-valuetext", data.steps[step].name);
-      for (const { mesh, step: mined, filled } of openings) {
-        mesh.visible = element("openings").checked && mined <= step;
-        mesh.material.color.set(filled >= 0 && filled <= step ? data.colours.fill : data.colours.open);
-      }
+      const open = element("openings").checked, failed = element("rock").checked;
+      show(planned, () => open);
+      show(openings, (part) => open && part.step <= step);
+      paint(openings, ({ filled }) => filled >= 0 && filled <= step ? data.colours.fill : data.colours.open);
       const within = (its) => only ? its === step : its <= step;
-      for (const { mesh, step: its } of rocks) mesh.visible = element("rock").checked && within(its);
+      show(rock, (part) => failed && within(part.step));
       for (const { events, count, label, title } of sides) {
         let shown = 0;
         for (let i = 0; i < count; i++) {

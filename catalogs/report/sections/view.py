@@ -13,8 +13,8 @@ import xarray as xr
 from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
-from catalogs.compare.exposure import Exposure, window
 from catalogs.figures import events_figure, style, views
+from catalogs.report.by_opening import step_of_events
 from catalogs.report.evidence import MODEL_LABEL, Evidence, shown_catalogues
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import fixed, plural, whole
@@ -24,7 +24,7 @@ from common.event_table import new_catalog
 from common.part_centers import part_centers
 
 MAX_CELLS = 200_000  # Of more cells, openings or failed rock are drawn on cells of twice the size.
-MAX_EVENTS = 50_000  # Of a catalogue with more events the largest are shown.
+MAX_EVENTS = 20_000  # Of a catalogue with more events the largest are shown: more would make the page too large.
 PLACES_PER_EDGE = 256  # Vertices are rounded to this share of a cell's edge.
 PLANNED = NEVER = -1
 PIXELS_PER_POINT = 96 / 72
@@ -134,15 +134,15 @@ def section(evidence: Evidence, _: Gallery) -> dict | None:
             for value in (scale.key_sizes if shown else [])
         ],
         "colours": data["colours"],
-        "filled": any(one["filled"] != NEVER for one in data["openings"]),
-        "planned": any(one["step"] == PLANNED for one in data["openings"]),
+        "filled": any(one["filled"] != NEVER for one in data["openings"]["parts"]),
+        "planned": bool(data["planned"]["parts"]),
         "notes": [note for label, one in catalogues.items() if (note := _left_out(evidence, label, one))],
     }
 
 
 def _left_out(evidence: Evidence, label: str, catalog: xr.Dataset) -> str:
     """Sentence on the events of a catalogue that the view leaves out; empty where it shows all."""
-    undated = int(np.count_nonzero(event_steps(evidence, catalog) < 0))
+    undated = int(np.count_nonzero(step_of_events(evidence, catalog) < 0))
     small = catalog.sizes["event"] - undated - len(shown_events(evidence, catalog))
     parts = [f"{plural(undated, 'event')} outside of the dates of the steps"] if undated else []
     parts += [f"the {whole(small)} smallest"] if small else []
@@ -159,6 +159,10 @@ def view_data(evidence: Evidence, catalogues: Mapping[str, xr.Dataset]) -> dict:
     centre = (lower + upper) / 2
     colours = style.step_colours([bool(int(step["dated"])) for step in evidence.steps])
     scale = events_figure.common_scale(list(catalogues.values()))
+    openings = [
+        ({"step": mined, "filled": filled}, cells) for (mined, filled), cells in opening_cells(evidence).items()
+    ]
+    rock = [({"step": step}, cells) for step, cells in failed_cells(evidence).items()]
     return {
         "centre": centre.tolist(),
         "radius": float(np.linalg.norm(upper - lower)) / 2,
@@ -172,11 +176,9 @@ def view_data(evidence: Evidence, catalogues: Mapping[str, xr.Dataset]) -> dict:
             "smallest": PIXELS_PER_POINT * events_figure.SMALLEST,
             "largest": PIXELS_PER_POINT * events_figure.LARGEST,
         },
-        "openings": [
-            {"step": mined, "filled": filled, **_packed_surface(cells, centre)}
-            for (mined, filled), cells in opening_cells(evidence).items()
-        ],
-        "rock": [{"step": step, **_packed_surface(cells, centre)} for step, cells in failed_cells(evidence).items()],
+        "planned": _packed_surfaces([one for one in openings if one[0]["step"] == PLANNED], centre),
+        "openings": _packed_surfaces([one for one in openings if one[0]["step"] != PLANNED], centre),
+        "rock": _packed_surfaces(rock, centre),
         "catalogues": [_packed_events(evidence, label, one, centre) for label, one in catalogues.items()],
     }
 
@@ -208,13 +210,13 @@ def opening_cells(evidence: Evidence) -> dict[tuple[int, int], CellSet]:
         for row in evidence.excavations
     ]
     mining, edge, corner = evidence.mining, float(grid.attrs["fine_cell"]), views.domain(grid)[0]
+    keys, of_excavation = np.unique(np.array(when).reshape(-1, 2), axis=0, return_inverse=True)
+    taken = np.flatnonzero(mining.takes != NOTHING)
     cell = np.rint((mining.origin - corner) / edge).astype(np.int64)
     found = {}
-    for key in sorted(set(when)):
-        own = np.isin(mining.excavation, [index for index, its in enumerate(when) if its == key])
-        own &= mining.takes != NOTHING
-        if own.any():
-            found[key] = CellSet.of(cell[own], mining.volume[own] / edge**3, edge, corner)
+    for key, own in _grouped(of_excavation.reshape(-1)[mining.excavation[taken]], taken):
+        mined, filled = keys[key].tolist()
+        found[mined, filled] = CellSet.of(cell[own], mining.volume[own] / edge**3, edge, corner)
     return _drawable(found)
 
 
@@ -228,13 +230,20 @@ def failed_cells(evidence: Evidence) -> dict[int, CellSet]:
     edge, corner = float(spacing[drawn].min()), views.domain(evidence.grid)[0]
     lower = np.rint((part_centers(state) - spacing[:, None] / 2 - corner) / edge).astype(np.int64)
     edges = np.rint(spacing / edge).astype(int)  # A particle may be larger than the smallest.
+    place = {int(step["step_index"]): number for number, step in enumerate(evidence.steps)}
     found = {}
-    for place, step in enumerate(evidence.steps):
-        own = np.flatnonzero(drawn & (failed == int(step["step_index"])))
-        if len(own):
+    for index, own in _grouped(failed[drawn], np.flatnonzero(drawn)):
+        if index in place:
             cell = np.concatenate([_cube(lower[own[edges[own] == count]], count) for count in np.unique(edges[own])])
-            found[place] = CellSet.of(cell, np.ones(len(cell)), edge, corner)
+            found[place[index]] = CellSet.of(cell, np.ones(len(cell)), edge, corner)
     return _drawable(found)
+
+
+def _grouped(group: NDArray, values: NDArray) -> list[tuple[int, NDArray]]:
+    """Each group (k,) that occurs, in ascending order, and its values (k,) in theirs."""
+    order = np.argsort(group, kind="stable")
+    groups, first = np.unique(group[order], return_index=True)
+    return list(zip(groups.tolist(), np.split(values[order], first)[1:], strict=True))
 
 
 def _cube(lower: NDArray, count: int) -> NDArray:
@@ -250,33 +259,32 @@ def _drawable(sets: dict) -> dict:
     return sets
 
 
-def _packed_surface(cells: CellSet, centre: NDArray) -> dict:
-    """The surface around a set of cells: vertex = origin + place * unit, m."""
-    vertices, triangles = cells.surface()
+def _packed_surfaces(sets: list[tuple[dict, CellSet]], centre: NDArray) -> dict:
+    """The surfaces around sets of cells of one edge, one after the other: vertex = origin + place * unit, m.
+
+    parts: what is told of each set, with its numbers of vertices and triangles. A page draws them at once, however many
+    steps there are.
+    """
+    parts, places, corners, count = [], [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    for told, cells in sets:
+        vertices, triangles = cells.surface()
+        parts.append({**told, "vertices": len(vertices), "triangles": len(triangles)})
+        places.append(vertices)
+        corners.append(triangles + count)
+        count += len(vertices)
+    cells = sets[0][1] if sets else None
     return {
-        "origin": (cells.corner - centre).tolist(),
-        "unit": cells.edge / PLACES_PER_EDGE,
-        "vertices": packed(np.rint(vertices * PLACES_PER_EDGE), "int32", 3),
-        "triangles": packed(triangles, "int32", 1),
+        "parts": parts,
+        "origin": (cells.corner - centre).tolist() if cells else [0.0] * 3,
+        "unit": cells.edge / PLACES_PER_EDGE if cells else 1.0,
+        "vertices": packed(np.rint(np.concatenate(places) * PLACES_PER_EDGE), "int32", 3),
+        "triangles": packed(np.concatenate(corners), "int32", 1),
     }
-
-
-def event_steps(evidence: Evidence, catalog: xr.Dataset) -> NDArray:
-    """Number of the step of each event (event,); -1 where it lies in none. A recorded event's time decides."""
-    place = step_places(evidence)
-    if catalog.attrs["kind"] == "synthetic":
-        return np.array([place.get(str(name), -1) for name in catalog["step"].values], np.int64)
-    windows = np.array([window(step) for step in evidence.dated], "datetime64[ns]").reshape(-1, 2)
-    if not len(windows):
-        return np.full(catalog.sizes["event"], -1)
-    of_dated = Exposure(*windows.T).step(catalog["time"].values)
-    numbers = np.array([place[str(step["step"])] for step in evidence.dated])
-    return np.where(of_dated >= 0, numbers[of_dated], -1)
 
 
 def shown_events(evidence: Evidence, catalog: xr.Dataset) -> NDArray:
     """Indices of the events that the view shows: those of a step, and of more than MAX_EVENTS the largest."""
-    chosen = np.flatnonzero(event_steps(evidence, catalog) >= 0)
+    chosen = np.flatnonzero(step_of_events(evidence, catalog) >= 0)
     size = np.nan_to_num(log_potency(catalog["potency"].values[chosen]), nan=-np.inf)
     return np.sort(chosen[np.argsort(-size, kind="stable")[:MAX_EVENTS]])
 
@@ -293,6 +301,6 @@ def _packed_events(evidence: Evidence, label: str, catalog: xr.Dataset, centre: 
         "position": packed(catalog["location"].values[chosen] - centre, "float32"),
         "log_potency": packed(log_potency(catalog["potency"].values[chosen]), "float32"),
         "mw": packed(catalog["mw"].values[chosen], "float32"),
-        "step": packed(event_steps(evidence, catalog)[chosen], "int32", 1),
+        "step": packed(step_of_events(evidence, catalog)[chosen], "int32", 1),
         "time": packed(seconds, "float64"),  # since 1970; NaN where it is not known
     }
