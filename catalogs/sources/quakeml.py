@@ -62,6 +62,8 @@ SAYS = {  # what an event says of itself by its kind
     "recorded": "",
 }
 ATTRIBUTES = "attributes"
+EVENTS_AT_ONCE = 2000  # Events that are written at a time.
+EVENT_START, EVENT_END = b"    <event ", b"</event>\n"  # As ObsPy writes them; in texts < is written otherwise.
 ONE_SIGMA_PERCENT = 68.27  # Confidence level of an uncertainty that states none: it is a standard error.
 # Component of QuakeML's tensor -> sign, row, column in east, north, up.
 UP_SOUTH_EAST = {
@@ -77,24 +79,40 @@ UP_SOUTH_EAST = {
 def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     """Write the resolved events of a catalogue (form of common.event_table) as QuakeML, atomically.
 
-    ObsPy checks the file against the schema first. Needs attributes mine and frame.
+    ObsPy checks the file against the schema as it is written, EVENTS_AT_ONCE events at a time, since ObsPy's objects of
+    one take a hundred times its memory. Needs attributes mine and frame.
     Raises InputError for a missing frame, a resolved event without time or location, or a file that the schema refuses.
     """
     catalog = check_events(catalog, "catalogue")
-    stream = io.BytesIO()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # ObsPy warns of every `extra`
-        _obspy_catalog(catalog).write(stream, format="QUAKEML", nsmap={PREFIX: NAMESPACE})
-    stream.seek(0)
-    if not _validate(stream, verbose=True):
-        raise InputError(f"{path}: ObsPy's QuakeML schema check failed; see the log, and report it")
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(stream.getvalue())
+    rows = np.flatnonzero(catalog["resolved"].values)
+    end = b""
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        for start in range(0, max(len(rows), 1), EVENTS_AT_ONCE):
+            stream = io.BytesIO()
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # ObsPy warns of every `extra`
+                part = _obspy_catalog(catalog, rows[start : start + EVENTS_AT_ONCE], len(rows))
+                part.write(stream, format="QUAKEML", nsmap={PREFIX: NAMESPACE})
+            stream.seek(0)
+            if not _validate(stream, verbose=True):
+                raise InputError(f"{path}: ObsPy's QuakeML schema check failed; see the log, and report it")
+            head, events, end = _around_events(stream.getvalue())
+            file.write(events if start else head + events)
+        file.write(end)
 
 
-def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
-    """The catalogue's resolved events as ObsPy's object, every identifier explicit."""
-    rows, total = np.flatnonzero(catalog["resolved"].values), catalog.sizes["event"]
+def _around_events(content: bytes) -> tuple[bytes, bytes, bytes]:
+    """What stands before the events of a file, the events, and what stands behind them."""
+    first, last = content.find(EVENT_START), content.rfind(EVENT_END)
+    if first < 0:
+        return content, b"", b""
+    last += len(EVENT_END)
+    return content[:first], content[first:last], content[last:]
+
+
+def _obspy_catalog(catalog: xr.Dataset, rows: np.ndarray, resolved: int) -> Catalog:
+    """Events (k,) of a catalogue as ObsPy's object, every identifier explicit; resolved: number of all that are."""
+    total = catalog.sizes["event"]
     catalog = catalog.isel(event=rows)
     if np.isnat(catalog["time"].values).any() or not np.isfinite(catalog["location"].values).all():
         raise InputError("QuakeML: an event without time or location cannot be written; leave it out")
@@ -127,7 +145,7 @@ def _obspy_catalog(catalog: xr.Dataset) -> Catalog:
         event.extra = {name: {"value": text[index], "namespace": NAMESPACE} for name, text in texts.items()}
         events.append(event)
     result = Catalog(events=events, resource_id=ResourceIdentifier(base), creation_info=made)
-    left_out = f"{total - len(rows)} unresolved events of {total} are left out" if len(rows) < total else ""
+    left_out = f"{total - resolved} unresolved events of {total} are left out" if resolved < total else ""
     result.description = ". ".join(part for part in (says, left_out) if part) or None
     floor = float(catalog.attrs.get("potency_floor", np.nan))
     if np.isfinite(floor) and floor > 0.0:
