@@ -42,16 +42,19 @@ def step_bars(
     figure = style.new_figure(WIDTH, HEIGHT, layout=None)
     tall = (HEIGHT - TOP - BOTTOM - GAP * (len(quantities) - 1)) / len(quantities)
     width = WIDTH - LEFT - RIGHT
-    place = np.arange(len(names)) + 0.5
+    place, many = np.arange(len(names)) + 0.5, style.are_many(names)
     for number, quantity in enumerate(quantities):
         bottom = BOTTOM + (len(quantities) - 1 - number) * (tall + GAP)
         axes = figure.add_axes([LEFT / WIDTH, bottom / HEIGHT, width / WIDTH, tall / HEIGHT])
         count = len(quantity.values)
         thick = FILLED / count
         for one, (label, values) in enumerate(quantity.values.items()):
-            axes.bar(place + (one - (count - 1) / 2) * thick, values, thick, color=colours[label], label=label)
+            axes.bar(
+                place + (one - (count - 1) / 2) * thick, values, thick, color=colours[label], label=label,
+                rasterized=many,
+            )  # fmt: skip
         for step in np.flatnonzero(~is_recorded):
-            axes.axvspan(step, step + 1, color=NO_RECORD, zorder=0, linewidth=0)
+            axes.axvspan(step, step + 1, color=NO_RECORD, zorder=0, linewidth=0, rasterized=many)
         _scale(axes, np.concatenate([np.asarray(values, float) for values in quantity.values.values()]))
         axes.set_xlim(0, len(names))
         axes.set_xticks([])

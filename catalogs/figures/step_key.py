@@ -37,6 +37,7 @@ def draw_steps(
             Rectangle(
                 ((left + number * block) / across, bottom / down), block / across, BLOCK_HEIGHT / down,
                 facecolor=colour, edgecolor="white", linewidth=0.6 if block > 0.1 else 0.0,
+                rasterized=style.are_many(names),
             )
         )  # fmt: skip
     short = [shortened(name) for name in names]

@@ -1,7 +1,7 @@
 """Style of every figure: colours, fonts, and files whose bytes depend on their content alone."""
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterator, Sized
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,6 +28,7 @@ DOTS_PER_INCH = 120  # of the rasterised layers
 # of the panel to find the same place.
 TITLE_PLACE = 1.0
 MAX_STEPS_IN_KEY = 24  # steps that a key names
+MAX_STEPS_AS_SHAPES = 100  # shapes of more steps are drawn as pixels, which take less room in a file
 
 SETTINGS = {
     "font.family": "DejaVu Sans",  # shipped with matplotlib: the same on every machine
@@ -97,6 +98,11 @@ def save(figure: Figure, path: Path) -> str:
         FigureCanvasSVG(figure).print_svg(temporary, metadata={"Date": None, "Creator": None})
         content = temporary.read_bytes()
     return "data:image/svg+xml;base64," + base64.b64encode(content).decode()
+
+
+def are_many(steps: Sized) -> bool:
+    """True if the shapes of so many steps are drawn as pixels."""
+    return len(steps) > MAX_STEPS_AS_SHAPES
 
 
 def thinned(entries: list) -> list:

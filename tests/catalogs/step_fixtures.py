@@ -15,6 +15,7 @@ def step(name: str, share: float, month: int) -> dict:
     """Attributes of a dated step of 2019."""
     return {
         "step": name,
+        "dated": 1,
         "start": f"2019-{month:02d}-01T00:00:00Z",
         "end": f"2019-{month + 1:02d}-01T00:00:00Z",
         "truncated": int(share > 0),
@@ -25,7 +26,7 @@ def step(name: str, share: float, month: int) -> dict:
 
 
 def events_of(potency, step_names=None, days=None) -> xr.Dataset:
-    """A catalogue of sizes, steps and days of 2019 (1 January is 0)."""
+    """A catalogue of sizes, steps and days of 2019 (1 January is 0); a modelled one has steps."""
     count = len(potency)
     time = np.datetime64("2019-01-01", "ns") + np.array(np.zeros(count) if days is None else days) * np.timedelta64(
         1, "D"
@@ -38,7 +39,7 @@ def events_of(potency, step_names=None, days=None) -> xr.Dataset:
             "location": (("event", "xyz"), np.zeros((count, 3))),
             "mw": ("event", moment_magnitude(SHEAR * np.array(potency, float))),
         },
-        attrs={"shear_modulus": SHEAR},
+        attrs={"shear_modulus": SHEAR, "kind": "recorded" if step_names is None else "synthetic"},
     )
 
 

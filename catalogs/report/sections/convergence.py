@@ -14,7 +14,7 @@ from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 
 PANELS_PER_ROW = 3
-MAX_PANELS = 24  # The figure shows the stages with the most iterations; the table has all.
+MAX_PANELS = 18  # The figure shows the stages with the most iterations; the table has all.
 MAX_POINTS_PER_CURVE = 4000  # More points of one curve cannot be distinguished in a panel.
 
 

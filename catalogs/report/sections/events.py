@@ -230,15 +230,21 @@ def in_time(record: xr.Dataset, model: xr.Dataset, steps: list[dict], label: str
     edges: list = []
     sums: list = []
     own, name = log_potency(model["potency"].values), model["step"].values
+    inside = np.flatnonzero(own >= cut)
+    inside = inside[np.argsort(name[inside], kind="stable")]
+    found, first = np.unique(name[inside], return_index=True)
+    by_step = dict(zip(found.tolist(), np.split(own[inside], first)[1:], strict=True))
+    many = style.are_many(steps)
     for step in steps:
         start, end = (dates.date2num(moment) for moment in window(step))
-        inside = (name == step["step"]) & (own >= cut)
         total = sums[-1] if sums else 0.0
         edges += [start, end]
-        sums += [total, total + float(np.sum(10.0 ** own[inside]))]
+        sums += [total, total + float(np.sum(10.0 ** by_step.get(step["step"], np.empty(0))))]
         for axes in (top, bottom):
-            axes.axvline(start, color="#bbbbbb", linewidth=0.7, zorder=0)
-    bottom.plot(edges, sums, color=style.MODELLED, marker="o", markersize=4, label="Modelled, by step")
+            axes.axvline(start, color="#bbbbbb", linewidth=0.7, zorder=0, rasterized=many)
+    bottom.plot(
+        edges, sums, color=style.MODELLED, marker="o", markersize=4, label="Modelled, by step", rasterized=many
+    )  # fmt: skip
     bottom.set_ylabel("potency from the\ncut on (m³)")
     bottom.set_ylim(0, None)
     bottom.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))

@@ -4,6 +4,7 @@ The template is "steps.html.j2".
 """
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.compare.exposure import DAY, window
-from catalogs.report.by_opening import where
+from catalogs.report.by_opening import step_of_events, where
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import MAX_NAMED, fixed, magnitude, number, plural, typeset, whole
@@ -60,16 +61,16 @@ def step_lines(evidence: Evidence) -> list[StepLine]:
     if evidence.catalog is None or not evidence.dated:
         return []
     mined, common = mined_volumes(evidence), _common(evidence)
+    both = [one for one in (evidence.resolved, evidence.record) if one is not None]
     lines = []
-    for step in evidence.dated:
+    for step, *potencies in zip(evidence.steps, *(_counted(evidence, one) for one in both), strict=True):
+        if not int(step["dated"]):
+            continue
         start, end = window(step)
         begun, ended = (min(max(moment, common[0]), common[1]) for moment in (start, end))
-        sides = [_side(evidence, evidence.resolved, evidence.resolved["step"].values == step["step"])]
-        if evidence.record is not None:
-            time = evidence.record["time"].values
-            sides.append(_side(evidence, evidence.record, (time >= start) & (time < end)))
+        sides = tuple(_side(evidence, potency) for potency in potencies)
         days, recorded = (end - start) / DAY, (ended - begun) / DAY
-        lines.append(StepLine(str(step["step"]), days, recorded, mined[step["step"]], tuple(sides)))
+        lines.append(StepLine(str(step["step"]), days, recorded, mined[step["step"]], sides))
     return lines
 
 
@@ -98,8 +99,11 @@ def latest_and_largest(lines: Sequence[StepLine], most: int = MAX_LINES) -> list
 def mined_volumes(evidence: Evidence) -> dict[str, float]:
     """Rock that each step mines, on the grid, m3. Where solids overlap it counts once, in the step that comes first;
     fill that is mined again is no rock."""
-    rows = evidence.excavations
-    return {step["step"]: sum(row.mined for row in rows if row.step == step["step"]) for step in evidence.steps}
+    found = {step["step"]: 0.0 for step in evidence.steps}
+    for row in evidence.excavations:
+        if row.step in found:
+            found[row.step] += row.mined
+    return found
 
 
 def shear_modulus(evidence: Evidence) -> float:
@@ -127,12 +131,19 @@ def _common(evidence: Evidence) -> list[np.datetime64]:
     return [np.datetime64(text, "ns") for text in period.get("common", ("1678-01-01", "2261-12-31"))]
 
 
-def _side(evidence: Evidence, catalog: xr.Dataset, chosen: NDArray) -> Side:
-    """The chosen events (event,) at or above the cut."""
-    kept = chosen & (log_potency(catalog["potency"].values) >= cut_of(evidence))
-    potency, largest = (float(getattr(catalog["potency"].values[kept], of)(initial=0.0)) for of in ("sum", "max"))
-    as_one, largest = (magnitude(one, shear_modulus(evidence)) for one in (potency, largest))
-    return Side(int(kept.sum()), potency, as_one, largest if kept.any() else np.nan)
+def _counted(evidence: Evidence, catalog: xr.Dataset) -> list[NDArray]:
+    """Potency (event,), m3, of the events of each step that are at or above the cut."""
+    step, potency = step_of_events(evidence, catalog), catalog["potency"].values
+    kept = np.flatnonzero((step >= 0) & (log_potency(potency) >= cut_of(evidence)))
+    kept = kept[np.argsort(step[kept], kind="stable")]
+    return np.split(potency[kept], np.searchsorted(step[kept], np.arange(1, len(evidence.steps))))
+
+
+def _side(evidence: Evidence, potency: NDArray) -> Side:
+    """Events of these potencies (event,), m3."""
+    total, largest = float(potency.sum(initial=0.0)), float(potency.max(initial=0.0))
+    as_one, largest = (magnitude(one, shear_modulus(evidence)) for one in (total, largest))
+    return Side(len(potency), total, as_one, largest if len(potency) else np.nan)
 
 
 def headline(evidence: Evidence) -> list[str]:
@@ -148,7 +159,8 @@ def headline(evidence: Evidence) -> list[str]:
         which = ", ".join(names) if len(names) <= MAX_STEPS_LISTED else f"{names[0]} to {names[-1]}"
         return [f"The model made no events in its {plural(len(names), 'dated step')} ({which})."]
     step = catalog["step"].values
-    counts = events_by_step([(int((step == name).sum()), name) for name in names])
+    events_in = Counter(step.tolist())
+    counts = events_by_step([(events_in[name], name) for name in names])
     potency, resolved = catalog["potency"].values, evidence.resolved
     unresolved = catalog.sizes["event"] - resolved.sizes["event"]
     text = f"The model made {plural(len(step), 'event')} in {plural(len(names), 'dated step')}: {counts}. "

@@ -24,7 +24,7 @@ from common.event_table import new_catalog
 from common.part_centers import part_centers
 
 MAX_CELLS = 200_000  # Of more cells, openings or failed rock are drawn on cells of twice the size.
-MAX_EVENTS = 20_000  # Of a catalogue with more events the largest are shown: more would make the page too large.
+MAX_EVENTS = 10_000  # Of a catalogue with more events the largest are shown: more would make the page too large.
 PLACES_PER_EDGE = 256  # Vertices are rounded to this share of a cell's edge.
 PLANNED = NEVER = -1
 PIXELS_PER_POINT = 96 / 72
