@@ -40,7 +40,7 @@ MAX_SOLUTIONS = 5  # Solutions that a relaxation may take, each for the round-of
 SOLUTION_TOLERANCE_SHARE = 0.5
 ANDERSON_DEPTH = 8  # Differences that Anderson acceleration keeps.
 # Anderson acceleration keeps fewer differences where they take more memory, but at least four.
-MAX_ANDERSON_BYTES = 1e9
+MAX_ANDERSON_BYTES = 4e8
 MAX_CELLS_KEPT_IN_MEMORY = 500_000  # Work arrays of more cells are freed while a subdomain is at work.
 MAX_FLOW_CYCLES = 400  # After this many V-cycles of one relaxation with flow, explicit steps take over.
 # Flow ends at this share of the tolerance, since the forces of the stress differ by round-off.
