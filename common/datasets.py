@@ -30,6 +30,7 @@ VALUES_PER_RUN = 1 << 10
 MAX_CHUNK_ROWS = 1 << 16  # Chunks of whole rows are read faster than the library's chunks of one component each.
 TIME_TYPE = np.dtype("datetime64[ns]")
 CHECKSUM = "checksum"  # attribute of a file: digest of what fletcher32 does not cover
+SCENE = "scene"  # attribute of a state: what steps have changed up to it, as long as the list of openings
 RUN_AGAIN = "delete it and run the same command again"
 
 
@@ -183,8 +184,10 @@ def is_readable(dataset: xr.Dataset) -> bool:
 def read_dataset(path: str | os.PathLike, names: Collection[str] | None = None, remedy: str = RUN_AGAIN) -> xr.Dataset:
     """Read a netCDF file into memory and close it; names: of the only variables to read, as far as there are such.
 
-    Raises InputError as open_dataset does.
+    The attribute SCENE is left out: only the step that follows a state reads it, and those of all steps of a large mine
+    would fill the memory. Raises InputError as open_dataset does.
     """
     with open_dataset(path, remedy) as dataset:
         others = [] if names is None else [name for name in dataset.variables if name not in names]
+        dataset.attrs.pop(SCENE, None)
         return dataset.drop_vars(others).load()

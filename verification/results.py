@@ -43,7 +43,7 @@ class Variant:
 
     def scene(self, step: str | None = None) -> Scene:
         """The scene up to a step, as the stage of that step has it; up to the first step without a name."""
-        return parse_scene(self.mine.step_slice(step) if step else self.mine.mechanics_slice(0))
+        return parse_scene(self.mine.mechanics_slice(self.mine.step_index(step) if step else 0))
 
     def _dataset(self, path: str) -> xr.Dataset:
         if path not in self.kept:

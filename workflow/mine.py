@@ -6,8 +6,8 @@ that month.
 """
 
 import functools
-from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from operator import itemgetter
 from typing import Self
 
 from mpm_core.constitutive.laws import variability_of
@@ -67,29 +67,24 @@ class Mine(MineConfiguration):
         return self.grid_slice() | {"mined": [self.step_index(entry.step) for entry in self.excavations]}
 
     def mechanics_slice(self, last: int) -> dict:
-        """Settings of stages `elastic` (last: 0) and `step`: what the mechanics up to step number `last` depend on.
+        """What the mechanics up to step number `last` depend on, as mpm_core.scene.scene.parse_scene reads it.
 
-        mpm_core.scene.scene.parse_scene reads them.
+        With 0 it is the settings of stage `elastic`.
         """
+        excavations = [self._excavation(entry, last) for entry in self.excavations]
+        strains = [strain for strain in self._strains if strain["since"] <= last]
+        return {
+            **self._constant_settings(),
+            "materials": self._materials({entry["fill"] for entry in excavations}),
+            "excavations": excavations,
+            "loads": [load for load in self._loads if load["since"] <= last],
+            **({"strains": strains} if strains else {}),
+            "steps": [{"name": step.name} for step in self.steps[: last + 1]],  # rock knows no dates
+        }
+
+    def _constant_settings(self) -> dict:
+        """What the mechanics of every step depend on alike."""
         settings = self.settings
-
-        def load(entry: Load) -> dict:
-            return {
-                "name": entry.name,
-                "since": self.step_index(entry.step),
-                **entry.model_dump(mode="json", include={"force", "toward"}, exclude_unset=True),
-                "shape": shape_keys(entry),
-            }
-
-        def strain(entry: BoundaryStrain) -> dict:
-            since = self.step_index(entry.step)
-            return {"name": entry.name, "since": since, "strain": entry.strain.voigt()}
-
-        loads = [load(entry) for entry in settings.loads if self.step_index(entry.step) <= last]
-        strains = [strain(entry) for entry in settings.strains if self.step_index(entry.step) <= last]
-        excavations = [parts[bisect_right(changes, last)] for changes, parts in self._excavations_by_step]
-        used = {"host", *(body.material for body in settings.rock_bodies)}
-        used |= {entry["fill"] for entry in excavations if entry["fill"]}
         return {
             "name": self.name,
             "plane": self.plane,
@@ -99,29 +94,16 @@ class Mine(MineConfiguration):
             "boundary": self.boundary(),
             "surface": settings.frame.surface,
             "insitu_stress": self._insitu_stress(),
-            "materials": {
-                name: material.given() for name, material in sorted(settings.materials.items()) if name in used
-            },
             "rock_bodies": [{"material": body.material} for body in settings.rock_bodies],
-            "excavations": excavations,
-            "loads": loads,
-            **({"strains": strains} if strains else {}),
             **({"refinement": self._refinement()} if self.is_adaptive else {}),
             **({"realization": self.realization} if self.realization else {}),
-            "steps": [{"name": step.name} for step in self.steps[: last + 1]],  # rock knows no dates
             "solver": settings.solver.given(),
         }
 
-    @functools.cached_property
-    def _excavations_by_step(self) -> list[tuple[list[int], list[dict]]]:
-        """For each excavation the steps that change its part of the mechanics, in order; its part before the first of
-        them, and from each of them on. A mine of years has a slice for each of its steps."""
-        found = []
-        for entry in self.excavations:
-            steps = {self.step_index(name) for name in (entry.step, entry.fill_step)}
-            changes = sorted({*steps, *(step for step, _ in self.pressure(entry))} - {-1})
-            found.append((changes, [self._excavation(entry, last) for last in (-1, *changes)]))
-        return found
+    def _materials(self, fills: set[str | None]) -> dict[str, dict]:
+        """Materials of the rock and of some fills, in the order of their names."""
+        used = {"host", *(body.material for body in self.settings.rock_bodies), *fills}
+        return {name: rock.given() for name, rock in sorted(self.settings.materials.items()) if name in used}
 
     def _excavation(self, entry: Excavation, last: int) -> dict:
         """What the mechanics up to step number `last` depend on of an excavation."""
@@ -136,6 +118,60 @@ class Mine(MineConfiguration):
             **({"pressure": pressure} if pressure else {}),
         }
 
+    @functools.cached_property
+    def _loads(self) -> list[dict]:
+        """Loads in the order of the steps that they begin in."""
+
+        def load(entry: Load) -> dict:
+            return {
+                "name": entry.name,
+                "since": self.step_index(entry.step),
+                **entry.model_dump(mode="json", include={"force", "toward"}, exclude_unset=True),
+                "shape": shape_keys(entry),
+            }
+
+        return sorted(map(load, self.settings.loads), key=itemgetter("since"))
+
+    @functools.cached_property
+    def _strains(self) -> list[dict]:
+        """Boundary strains in the order of the steps that they begin in."""
+
+        def strain(entry: BoundaryStrain) -> dict:
+            return {"name": entry.name, "since": self.step_index(entry.step), "strain": entry.strain.voigt()}
+
+        return sorted(map(strain, self.settings.strains), key=itemgetter("since"))
+
+    @functools.cached_property
+    def _changes_by_step(self) -> list[dict[str, list[dict]]]:
+        """What each step changes: of excavations, by their numbers, and which loads and strains begin.
+
+        The first step changes nothing: the elastic state has all that begins with it.
+        """
+        found: list[dict[str, list[dict]]] = [{"excavations": [], "loads": [], "strains": []} for _ in self.steps]
+        for number, entry in enumerate(self.excavations):
+            for step, change in self._changes(entry):
+                entries = found[step]["excavations"]
+                if entries and entries[-1]["number"] == number:
+                    entries[-1].update(change)
+                elif step > 0:
+                    entries.append({"number": number} | change)
+        for name, begun in (("loads", self._loads), ("strains", self._strains)):
+            for one in begun:
+                if one["since"] > 0:
+                    found[one["since"]][name].append(one)
+        return found
+
+    def _changes(self, entry: Excavation) -> Iterator[tuple[int, dict]]:
+        """Numbers of the steps that change the mechanics' settings of an excavation, and what each changes."""
+        mined, filled = self.step_index(entry.step), self.step_index(entry.fill_step)
+        if mined >= 0:
+            yield mined, {"mined": mined}
+        if entry.fill_material is not None and filled >= 0:
+            yield filled, {"fill": entry.fill_material, "filled": filled}
+        for since, value in self.pressure(entry):
+            if since >= mined:
+                yield since, {"pressure": [[since, value]]}
+
     def _insitu_stress(self) -> dict[str, list[float]]:
         """Stress at frame.surface, Pa, and its change per metre of depth, Pa/m, in Voigt order."""
         stress = self.settings.insitu_stress
@@ -148,8 +184,19 @@ class Mine(MineConfiguration):
         return {"rings": grid.buffer_cells, "max_cells": grid.max_cells, "bodies": bodies}
 
     def step_slice(self, step: str) -> dict:
-        """Settings of stage `step`: what steps/<step>.nc depends on besides the state of the step before."""
-        return self.mechanics_slice(self.step_index(step))
+        """Settings of stage `step`: what steps/<step>.nc depends on besides the state of the step before.
+
+        They hold what the step changes; mpm_core.scene.step_settings adds it to the settings that the state was made
+        with.
+        """
+        number = self.step_index(step)
+        changes = self._changes_by_step[number]
+        return {
+            **self._constant_settings(),
+            "materials": self._materials({entry.get("fill") for entry in changes["excavations"]}),
+            **changes,
+            "step": {"name": step, "number": number},
+        }
 
     def picture_slice(self) -> dict:
         """Settings of stage `scene`, a picture: of every step its name, whether it has dates, what it mines; those of

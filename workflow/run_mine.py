@@ -12,6 +12,7 @@ import xarray as xr
 
 from common.errors import InputError
 from mpm_core.scene.scene import parse_scene
+from mpm_core.scene.step_settings import settings_up_to
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.grid_stage import make_grid
 from seismic.catalog import merge
@@ -60,15 +61,17 @@ def run_stages(slices: dict, failed: Path) -> Iterator[tuple[str, xr.Dataset, di
     """Yield path below results/<mine> without ending, dataset and facts of each stage, when it is computed.
 
     slices: settings of the stages as Mine.run_slices gives them: `grid`, `elastic` and, for each step in order, its
-    `name`, `scene` and `events`; a step has several `events` if they are extracted with several settings. Raises
-    InputError where a stage cannot be solved.
+    `name`, `scene` (what it changes) and `events`; a step has several `events` if they are extracted with several
+    settings. Raises InputError where a stage cannot be solved.
     """
     grid = make_grid(slices["grid"], {})
     yield "grid", grid, {}
-    state, facts = elastic_stage(parse_scene(slices["elastic"]), grid, failed)
+    scene = slices["elastic"]
+    state, facts = elastic_stage(parse_scene(scene), grid, failed)
     yield "elastic", state, facts
     for step in slices["steps"]:
-        state, facts = mining_step(parse_scene(step["scene"]), grid, state, failed)
+        scene = settings_up_to(scene, step["scene"])
+        state, facts = mining_step(parse_scene(scene), grid, state, failed)
         yield f"steps/{step['name']}", state, facts
         for settings in step["events"]:
             try:

@@ -77,7 +77,7 @@ def _variant(mine, folder: Path) -> Variant:
             return extract_events(variant.step(name), mine.catalogue_slice())[0]
         before = mine.previous(name)
         state = variant.step(before) if before else variant.elastic
-        return mining_step(parse_scene(mine.step_slice(name)), variant.grid, state, failed)[0]
+        return mining_step(parse_scene(mine.mechanics_slice(mine.step_index(name))), variant.grid, state, failed)[0]
 
     variant = Variant(mine, read)
     return variant

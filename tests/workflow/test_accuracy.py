@@ -78,8 +78,8 @@ def test_a_draft_of_two_sizes_of_cell_ends(accept, tmp_path):
     mine = accept({key: value for key, value in TINY.items() if key != "record"}, accuracy="draft")
     grid = make_grid(mine.grid_slice(), {})
     state, _ = elastic_stage(parse_scene(mine.mechanics_slice(0)), grid, tmp_path / "failed.npz")
-    for step in mine.mined_steps:
-        state, facts = mining_step(parse_scene(mine.step_slice(step)), grid, state, tmp_path / "failed.npz")
+    for number in range(len(mine.mined_steps)):
+        state, facts = mining_step(parse_scene(mine.mechanics_slice(number)), grid, state, tmp_path / "failed.npz")
     assert grid.attrs["levels"] == 1
     assert facts["failed_volume"] > 0.0
     assert facts["truncated_share"] == 0.0

@@ -241,6 +241,31 @@ def test_a_dry_run_of_other_settings_makes_nothing_old(copied):
     assert planned(file, folder) == {}
 
 
+def test_an_opening_that_gets_an_earlier_month_runs_that_month_and_all_that_follow(tmp_path, fresh, leave_empty):
+    """The last month changes nothing of the scene. Its job stays, and runs again from the state before it.
+
+    A run that ends in the first of these months is taken up there.
+    """
+    following = [{"name": f"2019-{m:02d}", "start": f"2019-{m:02d}-01", "end": f"2019-{m + 1:02d}-01"} for m in (9, 10)]
+    late = changed(TINY, steps=[*TINY["steps"], *following], **{"excavations.2.step": "2019-09"})
+    early = changed(late, **{"excavations.2.step": "2019-08"})
+    shutil.copytree(fresh(late) / "run", tmp_path / "run")
+    folder, file = tmp_path / "run", tmp_path / "files/tiny.yaml"
+    write_mine(early, file)
+    (note,) = (folder / NOTES).iterdir()
+    note.write_text(str(file.resolve()), encoding="utf-8")
+    (last,) = (folder / "results/tiny/jobs/step/2019-10").iterdir()
+    assert planned(file, folder)["step"] == 3
+    assert {"grid", "elastic"}.isdisjoint(planned(file, folder))
+    ends = ending("results/tiny/steps/2019-09.nc", KILLED, tmp_path, leave_empty)
+    assert snakemake(file, folder, interpreter=ends)[0] != 0
+    assert planned(file, folder)["step"] == 2
+    status, text = snakemake(file, folder, interpreter=leave_empty)
+    assert status == 0, text
+    assert list((folder / "results/tiny/jobs/step/2019-10").iterdir()) == [last]
+    assert what_stands(folder) == what_stands(fresh(early) / "run")
+
+
 def test_a_refused_record_is_refused_again(spoiled, base, tiny_file):
     """A file older than the result, which only its stage refuses: the second call said that there is nothing to do."""
     bad = tiny_file.parent / "older.csv"

@@ -285,4 +285,4 @@ def test_state_of_another_grid_is_refused(mine, undisturbed, tmp_path):
         made = mine(TINY, **change)
         grid = grid_stage.make_grid(made.grid_slice(), {})
         with pytest.raises(InputError, match="another grid"):
-            equilibrium_stages.mining_step(parse_scene(made.step_slice("history")), grid, state, tmp_path / "unused")
+            equilibrium_stages.mining_step(parse_scene(made.mechanics_slice(0)), grid, state, tmp_path / "unused")

@@ -12,12 +12,13 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from large_mines import large_mine
-from tiny_mines import ROOT, TINY, changed, edited, snakemake, write_mine
+from tiny_mines import ROOT, TINY, changed, edited, merged, snakemake, write_mine
 
 from common.datasets import write_dataset
 from common.errors import InputError
 from common.job import MADE_FROM, Job, config_hash, content_of, files_of, read_job, remove_earlier, stage_of, write_job
 from workflow.__main__ import main
+from workflow.configuration import load
 from workflow.stages import IMPORTS, package_hash, stages
 
 VALUES = st.recursive(
@@ -144,6 +145,21 @@ def test_a_mine_of_many_excavations_gets_its_grid(tmp_path):
     (job,) = (tmp_path / "run/results/large-760/jobs/grid").iterdir()
     assert len(json.loads(job.read_text())["settings"]["excavations"]) == 760
     assert job.stat().st_size > 131_072
+
+
+def test_jobs_grow_with_openings_and_steps_and_not_with_their_product():
+    """A step's job lists what the step changes, however much was mined before; so does that of the companion."""
+
+    def sizes(excavations: int, steps: int) -> tuple[list[int], int]:
+        mine = load(merged(large_mine(excavations, steps)), "large.yaml")
+        slices = mine.coarser().run_slices()
+        return [len(json.dumps(mine.step_slice(name))) for name in mine.mined_steps], len(json.dumps(slices))
+
+    of_steps, of_companion = sizes(200, 20)
+    assert max(of_steps) < 1.02 * of_steps[1]  # numbers and names get longer
+    more_steps, more_companion = sizes(400, 40)
+    assert max(more_steps) < 1.02 * max(of_steps)
+    assert more_companion < 2.05 * of_companion
 
 
 # ---- what a result is made from ----

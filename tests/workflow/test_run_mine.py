@@ -1,13 +1,16 @@
 """A whole mine in this process: the same values as from the stages of a pipeline, which write files."""
 
+import json
 import re
 
 import numpy as np
 import pytest
 import xarray as xr
-from tiny_mines import snakemake
+from tiny_mines import DIRECTED, STRAIN, snakemake
 
 from common.errors import InputErrors
+from mpm_core.scene.scene import parse_scene
+from mpm_core.scene.step_settings import GROWING, read_scene_attribute
 from workflow import run_mine
 from workflow.cli import arguments, check_options
 from workflow.configuration import load_mine
@@ -16,7 +19,8 @@ from workflow.configuration import load_mine
 @pytest.mark.slow
 def test_values_are_those_of_the_pipeline(undisturbed, tiny_file, tmp_path):
     """To the bit, from the grid to the catalogue."""
-    run, results = run_mine.run_mine(load_mine(tiny_file), tmp_path / "failed.npz"), undisturbed[0] / "results/tiny"
+    mine = load_mine(tiny_file)
+    run, results = run_mine.run_mine(mine, tmp_path / "failed.npz"), undisturbed[0] / "results/tiny"
     made = {"grid": run.grid, "elastic": run.elastic, "catalog": run.catalog}
     made |= {f"steps/{name}": state for name, state in run.steps.items()}
     made |= {f"events/{name}": events for name, events in run.events.items()}
@@ -26,6 +30,35 @@ def test_values_are_those_of_the_pipeline(undisturbed, tiny_file, tmp_path):
             assert set(stored.variables) == set(dataset.variables)
             for variable in stored.variables:
                 np.testing.assert_array_equal(stored[variable].values, dataset[variable].values, err_msg=variable)
+
+    for number, name in enumerate(["elastic", "steps/history", "steps/2019-08"]):
+        with xr.open_dataset(results / f"{name}.nc") as stored:
+            whole = mine.mechanics_slice(max(number - 1, 0))
+            assert read_scene_attribute(stored.attrs) == json.loads(json.dumps(growing(whole)))
+
+
+def growing(values: dict) -> dict:
+    """Settings that steps add to."""
+    return {key: values[key] for key in GROWING if key in values}
+
+
+def test_scenes_are_those_of_the_whole_mine(tiny_file, tmp_path, monkeypatch):
+    """Step by step, from what each step changes."""
+    mine = load_mine(tiny_file, {"loads": [DIRECTED], "strains": [STRAIN]})
+    scenes = []
+    monkeypatch.setattr(run_mine, "make_grid", lambda *_: None)
+    monkeypatch.setattr(run_mine, "elastic_stage", lambda scene, *_: (scenes.append(scene), {}))
+    monkeypatch.setattr(run_mine, "mining_step", lambda scene, *_: (scenes.append(scene), {}))
+    for _ in run_mine.run_stages(mine.run_slices(extracted_as=()), tmp_path / "failed.npz"):
+        pass
+    for scene, last in zip(scenes, (0, 0, 1), strict=True):
+        whole = vars(parse_scene(mine.mechanics_slice(last)))
+        found = vars(scene)
+        assert {key: found[key] for key in found if key != "insitu"} == {
+            key: whole[key] for key in whole if key != "insitu"
+        }
+        assert list(scene.materials) == list(whole["materials"])
+        np.testing.assert_array_equal(scene.insitu.constant, whole["insitu"].constant)
 
 
 def test_changes_are_merged_as_snakemake_merges_them(tiny_file):

@@ -1,13 +1,16 @@
 """What a mine's configuration hands to each stage: SI values, and only those that the stage needs."""
 
 import copy
+import json
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiny_mines import DIRECTED, NEXT_STEP, STRAIN, TINY, box, merged
 
 from common.errors import InputError
+from mpm_core.scene.scene import parse_scene
+from mpm_core.scene.step_settings import read_scene_attribute, scene_attribute, settings_up_to
 from workflow.configuration import load
 
 
@@ -22,44 +25,59 @@ def test_values_are_si(accept):
     assert mine.grid_slice()["domain"]["upper"] == [80, 80, 80]
 
 
+def merged_slices(mine) -> list[dict]:
+    """Settings up to each step, as its stage has them: the job's file and the attribute of the state before, JSON."""
+    before = mine.mechanics_slice(0)
+    found = []
+    for step in mine.mined_steps:
+        state = json.loads(json.dumps(scene_attribute(before)))
+        before = settings_up_to(read_scene_attribute(state), json.loads(json.dumps(mine.step_slice(step))))
+        found.append(before)
+    return found
+
+
 def test_a_planned_stope_looks_like_one_dated_later(accept):
     """Giving stope_2 its month, and a new fill, changes no slice that stands."""
     before = accept(TINY)
     dated = {"excavations.2.step": "2019-09", "excavations.2.fill": "paste", "steps": [*TINY["steps"], NEXT_STEP]}
     after = accept(TINY, **dated, **{"materials.paste": {**TINY["materials"]["fill"], "youngs_modulus": "2 GPa"}})
     assert after.grid_slice() == before.grid_slice()
+    assert after.mechanics_slice(0) == before.mechanics_slice(0)
     assert [after.step_slice(step) for step in before.mined_steps] == [
         before.step_slice(step) for step in before.mined_steps
     ]
-    assert after.step_slice("2019-09")["excavations"][2] == {
-        "name": "stope_2",
-        "mined": 2,
-        "fill": "paste",
-        "filled": 2,
-    }
+    month = after.step_slice("2019-09")
+    assert month["excavations"] == [{"number": 2, "mined": 2, "fill": "paste", "filled": 2}]
+    assert set(month["materials"]) == {"host", "paste"}
+    stope = {"name": "stope_2", "mined": 2, "fill": "paste", "filled": 2}
+    assert merged_slices(after)[2]["excavations"][2] == stope
 
 
-def test_pressure_on_a_wall_stands_in_the_slices_of_the_steps_that_it_acts_in(accept):
+def test_pressure_on_a_wall_stands_in_the_slices_of_the_steps_that_change_it(accept):
     """One value from the step that mines; a mapping by step; none before, and none where none is given."""
     one = accept(TINY, **{"excavations.0.pressure": "5 MPa"})
-    assert one.step_slice("2019-08")["excavations"][0]["pressure"] == [[0, 5e6]]
-    assert "pressure" not in one.step_slice("2019-08")["excavations"][1]
+    assert one.mechanics_slice(0)["excavations"][0]["pressure"] == [[0, 5e6]]
+    assert [entry["number"] for entry in one.step_slice("2019-08")["excavations"]] == [1]
+    assert "pressure" not in one.step_slice("2019-08")["excavations"][0]
     by_step = accept(TINY, **{"excavations.0.pressure": {"2019-08": "0 MPa", "history": "30 bar"}})
-    assert by_step.step_slice("history")["excavations"][0]["pressure"] == [[0, 3e6]]
-    assert by_step.step_slice("2019-08")["excavations"][0]["pressure"] == [[0, 3e6], [1, 0.0]]
+    assert by_step.mechanics_slice(0)["excavations"][0]["pressure"] == [[0, 3e6]]
+    assert by_step.step_slice("2019-08")["excavations"][0] == {"number": 0, "pressure": [[1, 0.0]]}
+    assert merged_slices(by_step)[1]["excavations"][0]["pressure"] == [[0, 3e6], [1, 0.0]]
     late = accept(TINY, **{"excavations.0.step": "2019-08", "excavations.0.pressure": "5 MPa"})
-    assert "pressure" not in late.step_slice("history")["excavations"][0]
+    assert "pressure" not in late.mechanics_slice(0)["excavations"][0]
     assert late.grid_slice() == accept(TINY, **{"excavations.0.step": "2019-08"}).grid_slice()
     planned = accept(TINY, **{"excavations.2.pressure": "5 MPa", "excavations.2.fill": "none"})
-    assert "pressure" not in planned.step_slice("2019-08")["excavations"][2]
+    assert "pressure" not in merged_slices(planned)[1]["excavations"][2]
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(*[st.integers(0, 4)] * 2, st.booleans(), st.sets(st.integers(0, 4))), min_size=1, max_size=4),
-    st.integers(0, 4),
+    st.lists(st.integers(0, 3), max_size=3),
+    st.lists(st.integers(0, 3), max_size=3),
 )
-def test_what_is_mined_filled_and_under_pressure_follows_the_steps(entries, last):
-    """Slow twin: each excavation by itself. Steps are 0 to 3; 4 is planned."""
+def test_settings_merged_step_by_step_are_those_of_the_whole(entries, loads, strains):
+    """Slow twin: the settings up to each step from all that the mine file lists. Steps are 0 to 3; 4 is planned."""
     steps = [f"2019-{month:02d}" for month in range(1, 5)]
     dated = [{"name": name, "start": f"{name}-01", "end": f"{name}-20"} for name in steps]
     names, excavations = [*steps, "planned"], []
@@ -74,10 +92,35 @@ def test_what_is_mined_filled_and_under_pressure_follows_the_steps(entries, last
     values = {key: value for key, value in TINY.items() if key != "record"} | {
         "steps": dated,
         "excavations": excavations,
+        "loads": [DIRECTED | {"name": f"load_{n}", "step": steps[step]} for n, step in enumerate(loads)],
+        "strains": [STRAIN | {"name": f"strain_{n}", "step": steps[step]} for n, step in enumerate(strains)],
     }
     mine = load(merged(values), "mine.yaml")
-    found = mine.mechanics_slice(min(last, 3))["excavations"]
-    assert found == [mine._excavation(entry, min(last, 3)) for entry in mine.excavations]
+    found, whole = merged_slices(mine), [mine.mechanics_slice(number) for number in range(len(mine.steps))]
+    assert found == json.loads(json.dumps(whole))
+    assert [list(one["materials"]) for one in found] == [list(one["materials"]) for one in whole]
+    assert [parse_scene(one).excavations for one in found] == [parse_scene(one).excavations for one in whole]
+
+
+def test_settings_of_a_step_change_nothing_that_they_are_merged_with(accept):
+    """The settings of a run in one process are used again for the next step."""
+    mine = accept(TINY, **{"excavations.0.pressure": {"2019-08": "0 MPa", "history": "30 bar"}})
+    before, step = mine.mechanics_slice(0), mine.step_slice("2019-08")
+    kept = copy.deepcopy((before, step))
+    settings_up_to(before, step)
+    assert (before, step) == kept
+
+
+def test_a_step_after_another_state_is_refused(accept):
+    """One that does not follow, a state without its settings, and settings of another stage."""
+    mine = accept(TINY, steps=[*TINY["steps"], NEXT_STEP])
+    elastic = mine.mechanics_slice(0)
+    with pytest.raises(InputError, match=r"steps\.2019-09: does not follow .*, which has 1 steps, not 2; run the pipe"):
+        settings_up_to(elastic, mine.step_slice("2019-09"))
+    with pytest.raises(InputError, match="made by an earlier version"):
+        read_scene_attribute({})
+    with pytest.raises(InputError, match="not the settings of stage step"):
+        settings_up_to(elastic, elastic)
 
 
 @pytest.mark.parametrize(

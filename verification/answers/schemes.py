@@ -182,7 +182,7 @@ def compute(mine: Mine, variant: Variant) -> list[xr.Dataset]:
     with TemporaryDirectory() as folder:
         for step in mine.mined_steps:
             try:
-                scene = parse_scene(mine.step_slice(step))
+                scene = parse_scene(mine.mechanics_slice(mine.step_index(step)))
                 states.append(mining_step(scene, variant.grid, states[-1], Path(folder) / "failed.npz")[0])
             except InputError as error:
                 parts = mine.settings.solver.increments

@@ -41,11 +41,16 @@ def _solve(job: Job) -> None:
     from common.datasets import open_dataset, write_dataset
     from mpm_core.kernels.threads import use_threads
     from mpm_core.scene.scene import parse_scene
+    from mpm_core.scene.step_settings import read_scene_attribute, scene_attribute, settings_up_to
     from mpm_core.stages.checkpoint import Checkpoint, key_of
     from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
     from mpm_core.stages.first_kernels import compile_for_scene
 
-    provenance, scene, output = job.provenance(), parse_scene(job.settings), job.output()
+    settings = job.settings
+    if job.stage == "step":
+        with open_dataset(job.input("state")) as before:
+            settings = settings_up_to(read_scene_attribute(before.attrs), settings)
+    provenance, scene, output = job.provenance(), parse_scene(settings), job.output()
     compile_for_scene(job.stage, scene, job.threads)
     use_threads(job.threads)
     failed_state = output.with_suffix(".failed.npz")
@@ -60,7 +65,7 @@ def _solve(job: Job) -> None:
             dataset, facts = mining_step(scene, cells, before, failed_state, checkpoint)
     for name, value in facts.items():
         logging.info("%s: %s", name, value)
-    dataset.attrs |= provenance
+    dataset.attrs |= provenance | scene_attribute(settings)
     write_dataset(dataset, output)
 
 
