@@ -6,6 +6,7 @@ The file is a memory only: without it, or if it cannot be read, the openings are
 import hashlib
 import json
 import logging
+from contextlib import nullcontext
 from pathlib import Path
 
 from common.errors import InputError
@@ -32,7 +33,7 @@ def across_of(mine: Mine) -> dict[str, Across]:
             continue
         key = _key(mine, entry, code)
         try:
-            used[key] = known[key] if key in known else cells_across(_solid(mine, entry), mine.finest_cell)
+            used[key] = known[key] if key in known else _measured(mine, entry)
         except InputError as error:
             logging.info("%s", error)
             continue
@@ -76,6 +77,14 @@ def _write(path: Path, across: dict[str, Across]) -> None:
             temporary.write_text(json.dumps(across))
     except (InputError, OSError) as error:
         logging.info("%s", error)
+
+
+def _measured(mine: Mine, entry: Excavation) -> Across:
+    """Cells across an opening. A shape has few facets: waking threads takes longer. Raises InputError."""
+    from mpm_core.kernels.threads import threads_for
+
+    with threads_for(0) if entry.file is None else nullcontext():
+        return cells_across(_solid(mine, entry), mine.finest_cell)
 
 
 def _solid(mine: Mine, entry: Excavation) -> Solid:

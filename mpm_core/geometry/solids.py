@@ -191,17 +191,18 @@ def _clip(corners: np.ndarray, axis: int, bound: float, side: int) -> np.ndarray
     """
     height = side * (corners[:, :, axis] - bound)
     above = ((height >= 0.0) if side > 0 else (height > 0.0)).sum(axis=1)
+    one, two = np.flatnonzero(above == 1), np.flatnonzero(above == 2)
+    if not len(one) and not len(two):
+        return corners[above == 3]
 
     def turned(chosen: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The chosen triangles, starting at their corner `first`, and where their edges from there meet the plane."""
         order = (first[:, None] + np.arange(3)) % 3
-        place = np.take_along_axis(corners[chosen], order[:, :, None], axis=1)
-        level = np.take_along_axis(height[chosen], order, axis=1)
+        place, level = corners[chosen[:, None], order], height[chosen[:, None], order]
         share = level[:, :1] / (level[:, :1] - level[:, 1:])
         cut = place[:, :1] + share[:, :, None] * (place[:, 1:] - place[:, :1])
         return place, cut[:, 0], cut[:, 1]
 
-    one, two = np.flatnonzero(above == 1), np.flatnonzero(above == 2)
     tip, tip_b, tip_c = turned(one, height[one].argmax(axis=1))
     base, base_b, base_c = turned(two, height[two].argmin(axis=1))
     return np.concatenate(

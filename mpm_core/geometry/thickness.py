@@ -76,9 +76,14 @@ def thickness_of(solid: Solid, most: float, steps: int) -> tuple[float, float]:
 def _lengths_inside(solid: Solid, start: np.ndarray, along: np.ndarray, most: float, steps: int) -> np.ndarray:
     """Length (k,) m of lines from points (k, d) of the surface in directions (k, d) to where they leave the solid."""
     marks = most * np.arange(1, steps + 1) / steps
-    inside = contains(solid, (start[:, None] + marks[:, None] * along[:, None]).reshape(-1, solid.dimension))
-    left = ~inside.reshape(len(start), steps)
-    first = np.where(left.any(axis=1), left.argmax(axis=1), steps)
+    longest = np.linalg.norm(np.ptp(solid.bounds, axis=0))  # a mark beyond the first that is farther lies outside
+    marks = marks[: np.searchsorted(marks, longest, side="right") + 1]
+    left = np.ones((len(start), len(marks)), bool)
+    left[:, 0] = ~contains(solid, start + marks[0] * along)
+    within = np.flatnonzero(~left[:, 0])  # the others, half of all, look outward
+    places = start[within, None] + marks[1:, None] * along[within, None]
+    left[within, 1:] = ~contains(solid, places.reshape(-1, solid.dimension)).reshape(len(within), len(marks) - 1)
+    first = np.where(left.any(axis=1), left.argmax(axis=1), len(marks))
     low, high = first * (most / steps), np.minimum(first + 1, steps) * (most / steps)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
