@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 from catalogs.settings import ALL_STEPS
 from common.errors import InputError, InputErrors, Mistakes
@@ -19,7 +20,7 @@ from workflow.dates import is_date, read_date
 from workflow.derived_domain import complete, largest_cell_name
 from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine
-from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody
+from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody, Step
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
 from workflow.virgin_rock import check_virgin_stress
@@ -173,23 +174,41 @@ def _check_virgin(mine: Mine, _: Mistakes) -> None:
 
 
 def _check_steps(mine: Mine, mistakes: Mistakes) -> None:
-    for index in range(len(mine.steps)):
+    earlier = EarlierSteps()
+    for step in mine.steps:
         with mistakes.gather():
-            _check_step(mine, index)
+            _check_step(mine, step, earlier)
+        earlier.add(step)
 
 
-def _check_step(mine: Mine, index: int) -> None:
-    names, step = [step.name for step in mine.steps], mine.steps[index]
+@dataclass
+class EarlierSteps:
+    """What the check of a step needs to know of the steps before it."""
+
+    names: set[str] = field(default_factory=set)
+    lower_names: set[str] = field(default_factory=set)
+    has_dated: bool = False
+    end: str | None = None  # of the last that has one
+
+    def add(self, step: Step) -> None:
+        """Note a step that follows them."""
+        self.names.add(step.name)
+        self.lower_names.add(step.name.lower())
+        self.has_dated |= step.is_dated
+        self.end = self.end if step.end is None else step.end
+
+
+def _check_step(mine: Mine, step: Step, earlier: EarlierSteps) -> None:
     implicit = len(mine.steps) > len(mine.listed_steps)  # the first, history
-    where = f"steps.{step.name}"
-    if implicit and index and step.name.lower() == names[0]:
+    first, where = mine.steps[0].name, f"steps.{step.name}"
+    if implicit and earlier.names and step.name.lower() == first:
         raise InputError(
-            f"{where}: an undated step '{names[0]}' stands before the first dated one by itself; give this step "
+            f"{where}: an undated step '{first}' stands before the first dated one by itself; give this step "
             "another name, or leave out its dates if it is that"
         )
-    if names.index(step.name) != index:
+    if step.name in earlier.names:
         raise InputError(f"{where}: this name stands twice; steps need names of their own")
-    if step.name.lower() in [name.lower() for name in names[:index]]:
+    if step.name.lower() in earlier.lower_names:
         raise InputError(f"{where}: differs from another step in capitals alone, which are the same file on some disks")
     if step.name == PLANNED:
         raise InputError(f"{where}: '{PLANNED}' means not yet scheduled; give the step another name")
@@ -198,15 +217,14 @@ def _check_step(mine: Mine, index: int) -> None:
     if (step.start is None) != (step.end is None):
         raise InputError(f"{where}: a dated step needs both start and end")
     if not step.is_dated:
-        if any(earlier.is_dated for earlier in mine.steps[:index]):
+        if earlier.has_dated:
             raise InputError(f"{where}: an undated step is history and must stand before the first dated one")
         return
     start, end = read_date(f"{where}.start", step.start), read_date(f"{where}.end", step.end)
     if start >= end:
         raise InputError(f"{where}.end: {step.end} is not after start {step.start}")
-    ends = [earlier.end for earlier in mine.steps[:index] if earlier.end is not None]
-    if ends and is_date(ends[-1]) and start < read_date(where, ends[-1]):
-        raise InputError(f"{where}.start: {step.start} is before the end of the step before, {ends[-1]}")
+    if earlier.end is not None and is_date(earlier.end) and start < read_date(where, earlier.end):
+        raise InputError(f"{where}.start: {step.start} is before the end of the step before, {earlier.end}")
 
 
 def _solids(mine: Mine) -> Iterator[tuple[str, ShapeSettings]]:
