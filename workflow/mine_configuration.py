@@ -1,6 +1,7 @@
 """One mine's configuration in SI units: its steps, what each mines, and which runs there are besides its own."""
 
 import copy
+import functools
 import importlib
 import os
 from dataclasses import dataclass, field
@@ -159,12 +160,12 @@ class MineConfiguration:
             for excavation in self.excavations
         ]
 
-    @property
+    @functools.cached_property
     def mined_steps(self) -> list[str]:
         """Names of all steps in order, the implicit history among them; empty if none is listed."""
         return [step.name for step in self.steps] if self.listed_steps else []
 
-    @property
+    @functools.cached_property
     def dated_steps(self) -> list[str]:
         """Names of the steps whose events enter the catalogue: those with dates."""
         return [step.name for step in self.listed_steps if step.is_dated]
