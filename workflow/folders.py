@@ -44,6 +44,7 @@ class Folders:
         self.others: OtherMines | None = None
         self.mine_at = functools.cache(self._mine_at)
         self.home = functools.cache(self._home)
+        self._stages_alike = functools.cache(self._compared_stages)
 
     def add(self, others: OtherMines) -> None:
         """Add the folders of other mines."""
@@ -122,15 +123,22 @@ class Folders:
 
     def _is_alike(self, folder: str, other: str, stage: str) -> bool:
         """True if the mines of two folders agree in all settings that a stage and the stages before it depend on."""
-        mines = [self.mine_at(folder), self.mine_at(other)]
         kind, _, step = stage.partition("/")
-        needed = ["grid"] if kind == "grid" else ["grid", "elastic"]
-        if step:
-            before = [_up_to(mine.mined_steps, step) for mine in mines]
-            if before[0] != before[1] or not before[0]:
-                return False
-            needed += [*(f"steps/{name}" for name in before[0]), stage]
-        return all(mines[0].slice_of(one) == mines[1].slice_of(one) for one in needed)
+        if kind != "events":
+            return stage in self._stages_alike(folder, other)
+        mines = self.mine_at(folder), self.mine_at(other)
+        return self._is_alike(folder, other, f"steps/{step}") and mines[0].slice_of(stage) == mines[1].slice_of(stage)
+
+    def _compared_stages(self, folder: str, other: str) -> frozenset[str]:
+        """Stages of the mechanics, "grid" to "steps/<step>", before the first in which the mines of two folders
+        differ."""
+        mines = self.mine_at(folder), self.mine_at(other)
+        alike = set()
+        for stage, twin in zip(*map(_mechanics, mines), strict=False):
+            if stage != twin or mines[0].slice_of(stage) != mines[1].slice_of(stage):
+                break
+            alike.add(stage)
+        return frozenset(alike)
 
     def threads(self, folder: str) -> int:
         """Threads of a stage of the mechanics: all of them, unless the folder's mine is small."""
@@ -138,6 +146,6 @@ class Folders:
         return ALL_CORES if self.others is None or self.plan_of(place) else self.others.threads_at(place)
 
 
-def _up_to(steps: list[str], step: str) -> list[str]:
-    """The steps to this one, which is the last; empty where it is none of them."""
-    return steps[: steps.index(step) + 1] if step in steps else []
+def _mechanics(mine: Mine) -> list[str]:
+    """Stages of the mechanics of a mine, in order."""
+    return ["grid", "elastic", *(f"steps/{step}" for step in mine.mined_steps)]
