@@ -4,7 +4,6 @@ Large arrays of numbers carry netCDF's own checksum (fletcher32), which the libr
 else (attributes, names, text, times, small arrays) goes into the attribute `checksum`, which is compared on opening.
 """
 
-import glob
 import hashlib
 import json
 import os
@@ -61,12 +60,18 @@ def clear_parts(path: str | os.PathLike) -> None:
     One process writes a file at a time (Snakemake locks it); what belongs to a process that lives is left alone.
     """
     path = Path(path)
-    for part in path.parent.glob(f".{glob.escape(path.name)}.*{PART_ENDING}"):
-        import psutil  # here: there are hardly ever such
+    start = f".{path.name}."
+    try:
+        names = os.listdir(path.parent)
+    except OSError:  # no folder yet; what writes there tells of any other error
+        return
+    for name in names:
+        writer = name.removeprefix(start).removesuffix(PART_ENDING)
+        if name == f"{start}{writer}{PART_ENDING}" and writer.isdigit():
+            import psutil  # here: there are hardly ever such
 
-        writer = part.name.removeprefix(f".{path.name}.").removesuffix(PART_ENDING)
-        if writer.isdigit() and not psutil.pid_exists(int(writer)):
-            part.unlink(missing_ok=True)
+            if not psutil.pid_exists(int(writer)):
+                path.with_name(name).unlink(missing_ok=True)
 
 
 def write_dataset(dataset: xr.Dataset, path: str | os.PathLike) -> None:
