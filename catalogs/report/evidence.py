@@ -4,12 +4,14 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from catalogs.compare.bands import GridPreference, bands_of
 from catalogs.report.text import whole
 from catalogs.settings import InsituStress, ReportSlice, Scheduled
 from catalogs.sources.openings import FILL, NEVER, ROCK, Mining
@@ -107,6 +109,11 @@ class Evidence:
     def steps(self) -> list[dict]:
         """Attributes of the mining steps, in order."""
         return _steps_of(self.stages)
+
+    @cached_property
+    def bands(self) -> GridPreference | None:
+        """Bands of failed rock along the grid and mirrored ones; None without a state."""
+        return None if self.state is None else bands_of(self.state, float(self.grid.attrs["fine_cell"]))
 
     @property
     def dated(self) -> list[dict]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from catalogs.compare.bands import MAX_RATIO, bands_of
+from catalogs.compare.bands import MAX_RATIO
 from catalogs.report.cell_effects import cells_too_large
 from catalogs.report.evidence import Evidence, ExcavationRow
 from catalogs.report.gallery import Gallery
@@ -238,9 +238,10 @@ def _loose(evidence: Evidence) -> Iterator[Banner]:
 
 def _bands(evidence: Evidence) -> Iterator[Banner]:
     """Bands of failed rock along the axes of the grid, where there are more of them than along mirrored directions."""
-    if evidence.state is None:
+    found = evidence.bands
+    if found is None:
         return
-    found = bands_of(evidence.state, float(evidence.grid.attrs["fine_cell"]))
+    assert evidence.state is not None
     along, mirrored = int(found.along.sum()), int(found.mirrored.sum())
     failed = int(np.count_nonzero(evidence.state["failed"].values >= 0))
     if not found.is_told and (along < MIN_BAND_SHARE * failed or along <= MAX_RATIO * mirrored):
