@@ -79,6 +79,15 @@ def test_drawn_mines_are_planned_and_have_a_grid(monkeypatch):
     assert all(isinstance(figure, Figure) for figure in STUDY.figures({"openings": rows}).values())
 
 
+def test_catalogues_that_are_drawn_have_their_stages_and_a_page(monkeypatch):
+    for name, few in (("OPENINGS_OF_EVENTS", 20), ("STEPS_OF_EVENTS", 4), ("MAX_EVENTS_IN_QUAKEML", 40)):
+        monkeypatch.setattr(drawn, name, few)
+    monkeypatch.setitem(drawn.SIZES, "events", (50,))
+    rows = drawn.rows_of("events", threads=1)
+    assert [row["stage"] for row in rows] == list(drawn.STAGES_OF_EVENTS)
+    assert rows[-1]["page_MB"] > 0.5
+
+
 def test_a_command_that_fails_is_named(tmp_path):
     with pytest.raises(InputError, match=r"scale: import sys.*: the reason"):
         drawn._run([drawn.sys.executable, "-c", "import sys; sys.exit('the reason')"], tmp_path)

@@ -18,6 +18,9 @@ SIZES = {"openings": (30, 300, 3000), "steps": (20, 200, 2000), "events": (1000,
 """by the name of a case"""
 STEPS_OF_OPENINGS, OPENINGS_OF_STEPS = 12, 300  # Steps of mines whose openings grow, and openings where steps do.
 OPENINGS_OF_EVENTS, STEPS_OF_EVENTS = 3000, 400
+STAGES_OF_EVENTS = ("events", "event rules", "catalogue", "csv", "record csv", "comparison", "report")
+QUAKEML_STAGES, MAX_EVENTS_IN_QUAKEML = ("quakeml", "record quakeml"), 10_000  # Such files take too long beyond.
+PAGE = re.compile(r"page (?P<size>[0-9.]+) MB$")
 STAGE = re.compile(r"(?P<stage>[a-z ]+?) +(?P<seconds>[0-9.]+) s +(?P<memory>[0-9]+) MB$")
 
 
@@ -57,14 +60,18 @@ def of_mines(case: str, size: int, folder: Path, threads: int) -> list[dict]:
 def of_events(case: str, size: int, folder: Path, threads: int) -> list[dict]:
     """Stages from failed rock to the report of so many modelled and as many recorded events."""
     sizes = [str(number) for number in (size, OPENINGS_OF_EVENTS, STEPS_OF_EVENTS)]
-    command = [sys.executable, "-m", "tests.catalogs.large_catalogues", *sizes, str(folder)]
+    stages = (*STAGES_OF_EVENTS, *(QUAKEML_STAGES if size <= MAX_EVENTS_IN_QUAKEML else ()))
+    command = [sys.executable, "-m", "tests.catalogs.large_catalogues", *sizes, str(folder), *stages]
     text = subprocess.run(command, cwd=BASE, check=True, capture_output=True, text=True).stdout
-    found = [STAGE.match(line) for line in text.splitlines()]
-    return [
+    rows = [
         {"stage": one["stage"], "processor_s": float(one["seconds"]), "memory_MiB": float(one["memory"])}
-        for one in found
-        if one
+        for line in text.splitlines()
+        if (one := STAGE.match(line))
     ]
+    page = PAGE.search(text.strip())
+    assert page is not None  # the last line
+    next(row for row in rows if row["stage"] == "report")["page_MB"] = float(page["size"])
+    return rows
 
 
 def _run(command: list[str], folder: Path) -> dict[str, float]:

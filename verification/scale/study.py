@@ -17,7 +17,7 @@ from verification.scale.drawn import rows_of
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#000000")  # Okabe and Ito (2008)
 MIN_SECONDS = 1.0  # What takes less at both sizes says nothing about growth.
 HISTORY, LATER = "history", "a later step"
-COLUMNS = ["case", "size", "stage", "processor_s", "memory_MiB", "failed"]
+COLUMNS = ["case", "size", "stage", "processor_s", "memory_MiB", "failed", "page_MB"]
 GROWTH = "growth"  # Name of the table of exponents.
 
 
@@ -111,7 +111,7 @@ STUDY = MeasuringStudy(
     shown=(
         Columns(
             "Processor time and memory by size",
-            ("case", "size", "stage", "processor_s", "memory_MiB", "bytes_per_cell", "failed"),
+            ("case", "size", "stage", "processor_s", "memory_MiB", "bytes_per_cell", "failed", "page_MB"),
         ),
         Columns(
             f"Exponents of growth, where both sizes take {MIN_SECONDS:g} s or more",
