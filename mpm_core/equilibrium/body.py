@@ -47,7 +47,8 @@ FAILED_HOURGLASS_SHARE = 0.01
 class Body:
     """A model's particles and nodes on their way to equilibrium.
 
-    `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own.
+    `model` and the arrays of `state` are the caller's, the latter changed in place; work arrays are the body's own. A
+    velocity of zeros may be another array than before.
     volume (particle,) m3; failed (particle,) bool; flowing (k,): failed particles that are there; attached (node,)
     bool, see Model.attached_nodes; moves (node, d) bool: of these what is not held;
     hourglass (cell,) N/m: stiffness of each cell now, intact_hourglass: of intact rock; free: rigid motions that

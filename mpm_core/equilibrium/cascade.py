@@ -74,8 +74,9 @@ class AdaptiveCells(Protocol):
         particles (k,) may fail before. provisional: equilibrium is not reached to the final tolerance, so failure is
         checked again."""
 
-    def split(self, places: np.ndarray) -> bool:
-        """Split cells at places, in equilibrium; False where no more cells are allowed."""
+    def split(self, places: np.ndarray, forget: Callable[[], None]) -> bool:
+        """Split cells at places, in equilibrium; False where no more cells are allowed. forget: called before the cells
+        are split, to free what belongs to those of now."""
 
     def take_out(self, loose: np.ndarray) -> str:
         """Take out particles (k,) that have come loose; the reason where so much falls that the mine caves, else
@@ -101,7 +102,11 @@ def needs_whole_mine(solver: SolverSettings) -> bool:
 
 
 def snapshot_equilibrium(scheme: Scheme, history: History) -> None:
-    """Save the state as the last one in equilibrium."""
+    """Save the state as the last one in equilibrium.
+
+    The body's `rest`, its `start` and where its path begins may be one array with it: they are replaced, never written
+    into, and the path ends before the saved state is written over.
+    """
     scheme.body.commit()
     body = scheme.body
     history.last_equilibrium = snapshot(body.state, body.model.scene.solver.move, history.last_equilibrium)
@@ -276,14 +281,13 @@ def run_cascade(
                 if cells is not None and len(places):
                     goes_back = bool(history.last_equilibrium)
                     del scheme, brittle  # the memory is needed: no one but `cells` has them now
-                    history.last_equilibrium = {}
-                    are_split = cells.split(places)
+                    are_split = cells.split(places, history.last_equilibrium.clear)
                     scheme, brittle, ramp = cells.scheme, cells.brittle, cells.ramp
-                    if goes_back:  # to a state that has these cells, too
-                        snapshot_equilibrium(scheme, history)
                     if are_split:
                         history.splits += 1
                         external = ramp.at(history.load)
+                        if goes_back:  # to a state that has these cells, too
+                            snapshot_equilibrium(scheme, history)
                         balance_split_cells(scheme, external, tolerance, ramp.reference, history)
                     continue
                 if not last or step_subdomain or tolerance == solver.tolerance:

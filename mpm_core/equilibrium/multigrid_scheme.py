@@ -41,7 +41,7 @@ SOLUTION_TOLERANCE_SHARE = 0.5
 ANDERSON_DEPTH = 8  # Differences that Anderson acceleration keeps.
 # Anderson acceleration keeps fewer differences where they take more memory, but at least four.
 MAX_ANDERSON_BYTES = 4e8
-MAX_CELLS_KEPT_IN_MEMORY = 500_000  # Work arrays of more cells are freed while a subdomain is at work.
+MAX_CELLS_WITH_KEPT_WORK_ARRAYS = 500_000  # Work arrays of more cells are freed while a subdomain is at work.
 MAX_FLOW_CYCLES = 400  # After this many V-cycles of one relaxation with flow, explicit steps take over.
 # Flow ends at this share of the tolerance, since the forces of the stress differ by round-off.
 FLOW_TOLERANCE_SHARE = 1.0 - 1e-6
@@ -76,7 +76,7 @@ class MultigridScheme:
     def set_volume(self, volume: np.ndarray) -> None:
         """Take over changed particle volumes."""
         self.body.set_volume(volume)
-        self.stale[:], self.flow = True, None
+        self.stale[:] = True
         self.release()
 
     def set_failed(self) -> None:
@@ -122,7 +122,7 @@ class MultigridScheme:
 
     def scheme_of(self, subdomain: Subdomain) -> "MultigridScheme":
         """The scheme that brings a subdomain to equilibrium."""
-        if len(self.model.cell_nodes) > MAX_CELLS_KEPT_IN_MEMORY:
+        if len(self.model.cell_nodes) > MAX_CELLS_WITH_KEPT_WORK_ARRAYS:
             self.anderson, self.rows = None, []
         scheme = MultigridScheme(subdomain.model, subdomain.state, subdomain.volume)
         scheme.body.start, scheme.body.rest = (nodal[subdomain.nodes] for nodal in (self.body.start, self.body.rest))
@@ -138,12 +138,12 @@ class MultigridScheme:
     def drop_work_arrays(self) -> None:
         """Free the work arrays; no relaxation follows."""
         self.body.drop_work_arrays()
-        self.flow = self.cubes = None
+        self.cubes = None
         self.release()
 
     def release(self) -> None:
-        """Free the solver and the arrays on its rows, which the next relaxation makes again."""
-        self.anderson = self.softened = None
+        """Free the solver and all arrays on its rows, which the next relaxation makes again."""
+        self.anderson = self.softened = self.flow = None
         self.solver = None  # type: ignore[assignment]
         self.rows = []
 
@@ -317,4 +317,5 @@ class MultigridScheme:
 
     def _stop(self) -> None:
         """Nodes rest: no memory is needed until they are moved again."""
-        self.state.velocity = np.zeros_like(self.state.velocity)
+        velocity = self.state.velocity
+        self.state.velocity = np.zeros(velocity.shape, velocity.dtype)  # zeros_like would write them

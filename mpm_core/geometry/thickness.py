@@ -80,7 +80,7 @@ def _lengths_inside(solid: Solid, start: np.ndarray, along: np.ndarray, most: fl
     marks = marks[: np.searchsorted(marks, longest, side="right") + 1]
     left = np.ones((len(start), len(marks)), bool)
     left[:, 0] = ~contains(solid, start + marks[0] * along)
-    within = np.flatnonzero(~left[:, 0])  # the others, half of all, look outward
+    within = np.flatnonzero(~left[:, 0])  # the others look outward
     places = start[within, None] + marks[1:, None] * along[within, None]
     left[within, 1:] = ~contains(solid, places.reshape(-1, solid.dimension)).reshape(len(within), len(marks) - 1)
     first = np.where(left.any(axis=1), left.argmax(axis=1), len(marks))

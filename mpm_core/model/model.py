@@ -343,7 +343,8 @@ def build_model(
         particles = with_edges(particles, openings, kinds, grid, at, len(scene.materials))
         phantom_nodes = with_phantom_nodes(grid, changes, at)
         nodes, parted = len(grid.node_index), phantom_nodes.grid  # which begins with the nodes that it parts
-        grid = replace(grid, node_index=parted.node_index[:nodes], node_parents=parted.node_parents[:nodes])
+        if parted is not grid:
+            grid = replace(grid, node_index=parted.node_index[:nodes], node_parents=parted.node_parents[:nodes])
     insitu = virgin_stress(scene, particles.position)
     insitu[~particles.is_rock] = 0.0
     materials = list(scene.materials.values())

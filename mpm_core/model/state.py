@@ -195,7 +195,8 @@ def snapshot(state: State, moving: bool = False, into: dict[str, np.ndarray] | N
         if array.changes is Extent.FAILED and not moving:
             values[name] = value[rows]
         elif name == "velocity" and not value.any():
-            values[name] = np.zeros_like(value)  # nodes rest with scheme multigrid: zeros need no memory
+            # Nodes rest with scheme multigrid. Zeros need no memory, but zeros_like would write them.
+            values[name] = np.zeros(value.shape, value.dtype)
         elif array.changes is Extent.ALL or moving:
             if before is None or before.shape != value.shape:
                 before = np.empty_like(value)

@@ -94,7 +94,7 @@ def mining_step(
     with watched as history:
         cells, balance = begin_step(Ground.of(scene, grid), previous, step, history)
         at_work = cells
-        watched.state = lambda: at_work.scheme.body.state
+        watched.state = lambda: at_work.state
         step_subdomain = step_subdomain_of(cells) if not saved or saved["in_step_subdomain"] else None
         if step_subdomain is not None:
             at_work = step_subdomain.cells
@@ -107,8 +107,9 @@ def mining_step(
             if checkpoint is not None and not scene.solver.move:
                 in_step_subdomain = at_work is not cells
                 checkpoint.save(
-                    state, history, at_work.model.grid, in_step_subdomain, at_work.places, at_work.full, at_work.fallen
-                )
+                    state, history, at_work.model.grid, in_step_subdomain, at_work.places, at_work.full, at_work.fallen,
+                    at_work.displacement_before,
+                )  # fmt: skip
 
         def run(step_subdomain: StepSubdomain | None) -> tuple[Scheme, bool]:
             return run_cascade(
@@ -150,7 +151,7 @@ class SolutionMonitor:
     """Monitor of a solution, a context: a progress bar on a terminal, and the last `state` next to the output when it
     fails."""
 
-    def __init__(self, scene: Scene, name: str, failed_state: Path, state: Callable[[], State] | None = None):
+    def __init__(self, scene: Scene, name: str, failed_state: Path, state: Callable[[], State | None] | None = None):
         self.history = History(scene.solver.tolerance)
         self.name, self.state, self.path = f"{scene.mine} {name}", state, failed_state
 
@@ -160,10 +161,11 @@ class SolutionMonitor:
 
     def __exit__(self, kind, error, traceback) -> None:
         self.bar.close()
-        if isinstance(error, InputError) and self.state is not None:
+        state = self.state() if isinstance(error, InputError) and self.state is not None else None
+        if state is not None:
             try:
                 with atomic_path(self.path) as temporary, temporary.open("wb") as file:
-                    np.savez(file, **vars(self.state()) | self.history.table())
+                    np.savez(file, **vars(state) | self.history.table())
                 logging.info("last state in %s", self.path)
             except InputError as full:  # the user is to read why the stage failed, not this
                 logging.warning("the last state is not kept: %s", full)

@@ -197,7 +197,7 @@ def _add_lost_traction(model: Model, nodal: np.ndarray, mined_share: np.ndarray,
                 continue
             edge = grid.cell_index[:, axis] + side * grid.cell_width
             cells = np.flatnonzero(edge == side * grid.shape[axis])
-            center = grid.centers(cells).copy()
+            center = grid.centers(cells)
             center[:, axis] += (side - 0.5) * grid.cell_size[cells]
             traction = virgin_stress(scene, center)[:, component[axis, : model.dimension]] * (2 * side - 1)
             area = grid.cell_size[cells] ** (model.dimension - 1)

@@ -177,7 +177,7 @@ def refuse_missed(solid: Solid | Outside, cells: GridCells) -> None:
 
 
 def touches(solids: list[Solid | Outside], domain: Domain, level: int, index: np.ndarray) -> np.ndarray:
-    """(n,) bool: True where a cell (n, d) of a level is not wholly outside these solids."""
+    """(n,) bool: True where a cell (n, d) of a level, each once, is not wholly outside these solids."""
     if not len(index):
         return np.zeros(0, bool)
     touched, size, shape = np.zeros(len(index), bool), domain.cell(level), domain.base_shape << level

@@ -85,6 +85,11 @@ class StepCells:
         self.full = self.full or self.ground.scene.refinement is None
 
     @property
+    def state(self) -> State | None:
+        """On the cells of now; None while they are being split."""
+        return self.scheme.body.state if "scheme" in vars(self) else None
+
+    @property
     def model(self) -> Model:
         """On the cells of now."""
         return self.scheme.body.model
@@ -102,8 +107,9 @@ class StepCells:
             patience = MAX_WAITING_SHARE * np.count_nonzero(state.failed == self.step)
         return self.refinement.flagged(model, state, brittle, fresh, len(self.model.cell_nodes), patience)
 
-    def split(self, places: np.ndarray) -> bool:
-        """Split cells at places (k, d), in equilibrium; False where there would be too many."""
+    def split(self, places: np.ndarray, forget: Callable[[], None]) -> bool:
+        """Split cells at places (k, d), in equilibrium; False where there would be too many. forget: called before the
+        cells are split, to free what belongs to those of now."""
         self.scheme.release()
         grid = split(self.model.grid, places, RINGS_SPLIT_AT_ONCE, 1)
         most = self.ground.refinement.max_cells
@@ -112,6 +118,7 @@ class StepCells:
             self.full = True
             return False
         before = len(self.model.grid.cell_level)
+        forget()
         self.onto(grid)
         self.places.append(places)
         logging.info(
@@ -144,7 +151,7 @@ class StepCells:
         state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
 
     def _move_to(self, model: Model, old: Model) -> None:
-        """What the step starts with at the nodes of a model, from those of another."""
+        """Take what the step starts with to the nodes of a model, from those of another."""
         self.held_up = transfer_forces(old, self.held_up, model)
         self.displacement_before = transfer_nodes(old, self.displacement_before, model)
 
@@ -223,6 +230,7 @@ class StepCells:
         self.full = bool(saved["full"])
         self.places = [saved["places"]] if len(saved["places"]) else []
         self.without(Unsupported(**{name: saved[f"fallen_{name}"] for name in vars(Unsupported.none())}))
+        self.displacement_before = saved["displacement_before"]  # to the last bit, whatever the splits on the way
 
     def renew(self) -> None:
         """A new scheme, for a state that was changed from outside."""
