@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from catalogs.settings import DatedStep
-from catalogs.sources.openings import NEVER, ROCK, Mining, nearest_opening
+from catalogs.sources.openings import NEVER, ROCK, Mining, latest_first, nearest_opening
 from catalogs.sources.sizes import log_potency
 from common.datasets import read_dataset
 from common.errors import InputError
@@ -214,8 +214,8 @@ class Geometry:
     def nearest(self, location: NDArray, step: int) -> NDArray:
         """Index of the opening nearest to each event of a step (event,), of those mined by then; -1 without any."""
         origin, excavation = self.mining.cells_open(step)
-        is_open = np.ones(len(self.mined), bool)
-        return nearest_opening(location, origin, self.edge, self.opening_of[excavation], is_open)[0]
+        is_open, rank = np.ones(len(self.mined), bool), latest_first(self.mined)
+        return nearest_opening(location, origin, self.edge, self.opening_of[excavation], is_open, rank)[0]
 
     def distances(self, location: NDArray, step: int, farthest: float) -> NDArray:
         """Distance of each event of a step from each opening (event, opening), m; inf beyond `farthest`, and for
@@ -233,7 +233,7 @@ class Geometry:
             near = np.flatnonzero(((location >= lower) & (location <= upper)).all(axis=1))
             if len(near):
                 alone = np.zeros(len(cells), int)
-                away = nearest_opening(location[near], cells, self.edge, alone, np.array([True]))[1]
+                away = nearest_opening(location[near], cells, self.edge, alone, np.array([True]), alone[:1])[1]
                 away_from[near, opening] = np.where(away <= farthest, away, np.inf)
         return away_from
 

@@ -89,11 +89,16 @@ class Mining:
     def nearest_open(self, points: NDArray, step: NDArray, edge: float, axes: list[int]) -> tuple[NDArray, NDArray]:
         """Index of the nearest excavation of each point that is open in the point's step, and the distance, m.
 
+        Of several as near, it is the one mined last.
+
         points (point, d) m, along these axes; step (point,); edge: of the cells, m. -1 and NaN where nothing is open.
         Pieces are searched together that are open in a span of steps, the spans SPANS times shorter at each level, so
         that no piece is searched anew for each step.
         """
         found, distance = np.full(len(points), -1), np.full(len(points), np.inf)
+        mined = np.full(self.count + 1, -1)  # one more, of no excavation
+        mined[self.excavation] = self.step
+        rank = latest_first(mined)
         steps, place = np.unique(step, return_inverse=True)
         first, end = np.searchsorted(steps, self.step), np.searchsorted(steps, self.until)
         spans = [(0, len(steps), np.arange(len(points)), np.flatnonzero((self.takes != NOTHING) & (first < end)))]
@@ -102,8 +107,8 @@ class Mining:
             whole = (first[pieces] <= start) & (end[pieces] >= stop)
             origin, excavation = self._cells(pieces[whole])
             of_all = np.ones(self.count, bool)
-            nearest, apart = nearest_opening(points[own], origin[:, axes], edge, excavation, of_all)
-            closer = apart < distance[own]
+            nearest, apart = nearest_opening(points[own], origin[:, axes], edge, excavation, of_all, rank)
+            closer = (apart < distance[own]) | ((apart == distance[own]) & (rank[nearest] < rank[found[own]]))
             found[own[closer]], distance[own[closer]] = nearest[closer], apart[closer]
             rest = pieces[~whole]
             bounds = np.unique(np.linspace(start, stop, SPANS + 1).astype(int))
@@ -156,18 +161,19 @@ def overlaps(grid: xr.Dataset) -> list[tuple[int, int]]:
 
 
 def nearest_opening(
-    points: NDArray, origin: NDArray, edge: float, opening: NDArray, is_open: NDArray
+    points: NDArray, origin: NDArray, edge: float, opening: NDArray, is_open: NDArray, rank: NDArray
 ) -> tuple[NDArray, NDArray]:
-    """Index of the nearest opening of each point, and the distance to its cells, m; 0 inside.
+    """Index of the nearest opening of each point, of several as near that of the lowest rank (opening,), and the
+    distance to its cells, m; 0 inside.
 
     points (point, xyz), m; origin (piece, xyz): lower corner of a cell that belongs to an opening, wholly or in part;
     edge: of these cells, m; opening (piece,): its index; is_open (opening,): those that are mined. -1 and NaN where
     nothing is mined.
 
-    >>> cells, numbers = np.array([[0.0, 0, 0], [10, 0, 0]]), np.array([0, 1])
-    >>> nearest_opening(np.array([[4.0, 0.5, 0.5]]), cells, 1.0, numbers, np.array([True, True]))
+    >>> cells, numbers, rank = np.array([[0.0, 0, 0], [10, 0, 0]]), np.array([0, 1]), np.array([0, 1])
+    >>> nearest_opening(np.array([[4.0, 0.5, 0.5]]), cells, 1.0, numbers, np.array([True, True]), rank)
     (array([0]), array([3.]))
-    >>> nearest_opening(np.array([[4.0, 0.5, 0.5]]), cells, 1.0, numbers, np.array([False, True]))
+    >>> nearest_opening(np.array([[4.0, 0.5, 0.5]]), cells, 1.0, numbers, np.array([False, True]), rank)
     (array([1]), array([6.]))
     """
     mined = np.flatnonzero(is_open[opening])
@@ -178,6 +184,13 @@ def nearest_opening(
     near = cKDTree(lower + 0.5 * edge).query(points, count)[1].reshape(len(points), count)
     outside = np.maximum(np.maximum(lower[near] - points[:, None], points[:, None] - lower[near] - edge), 0.0)
     distance = np.linalg.norm(outside, axis=2)
-    best = distance.argmin(axis=1)
-    row = np.arange(len(points))
-    return opening[mined[near[row, best]]], distance[row, best]
+    least, found = distance.min(axis=1), opening[mined[near]]
+    ranked = np.where(distance == least[:, None], rank[found], len(rank))
+    return found[np.arange(len(points)), ranked.argmin(axis=1)], least
+
+
+def latest_first(mined: NDArray) -> NDArray:
+    """Rank (opening,) of openings that are mined in these steps (opening,): the one mined last first, else by index."""
+    rank = np.empty(len(mined), np.int64)
+    rank[np.lexsort((np.arange(len(mined)), -mined))] = np.arange(len(mined))
+    return rank

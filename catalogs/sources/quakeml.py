@@ -79,8 +79,8 @@ UP_SOUTH_EAST = {
 def write_quakeml(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     """Write the resolved events of a catalogue (form of common.event_table) as QuakeML, atomically.
 
-    ObsPy checks the file against the schema as it is written, EVENTS_AT_ONCE events at a time, since ObsPy's objects of
-    one take a hundred times its memory. Needs attributes mine and frame.
+    ObsPy checks the file against the schema as it is written, EVENTS_AT_ONCE events at a time: its objects take much
+    more memory than the catalogue. Needs attributes mine and frame.
     Raises InputError for a missing frame, a resolved event without time or location, or a file that the schema refuses.
     """
     catalog = check_events(catalog, "catalogue")

@@ -174,18 +174,18 @@
     scene.add(planned.mesh, openings.mesh);
     const sides = [];
     for (const catalogue of data.catalogues) {
-      const { label, modelled, count } = catalogue, group = new THREE.Group();
+      const { label, modelled, count, total } = catalogue, group = new THREE.Group();
       const events = await eventsOf(catalogue, data, material);
       group.add(events.points);
       if (modelled) group.add(rock.mesh);
       scene.add(group);
-      sides.push({ label, modelled, count, events, group, title: element("title-" + sides.length) });
+      sides.push({ label, modelled, count, total, events, group, title: element("title-" + sides.length) });
     }
 
     root.classList.add("view-on");
     const controls = new THREE.OrbitControls(camera, canvas);
     const overlay = new Overlay(element("overlay"));
-    let selected = null, waiting = false;
+    let selected = null, waiting = false, painted = null;
 
     // ---- what is shown ----
 
@@ -198,17 +198,20 @@
       const open = element("openings").checked, failed = element("rock").checked;
       show(planned, () => open);
       show(openings, (part) => open && part.step <= step);
-      paint(openings, ({ filled }) => filled >= 0 && filled <= step ? data.colours.fill : data.colours.open);
+      if (step !== painted) {
+        paint(openings, ({ filled }) => filled >= 0 && filled <= step ? data.colours.fill : data.colours.open);
+        painted = step;
+      }
       const within = (its) => only ? its === step : its <= step;
       show(rock, (part) => failed && within(part.step));
-      for (const { events, count, label, title } of sides) {
+      for (const { events, count, total, label, title } of sides) {
         let shown = 0;
         for (let i = 0; i < count; i++) {
           events.shown[i] = within(events.step[i]) && !(events.log_potency[i] < least) ? 1 : 0;
           shown += events.shown[i];
         }
         events.points.geometry.attributes.shown.needsUpdate = true;
-        title.textContent = `${label}: ${counted(shown)} of ${counted(count)} events`;
+        title.textContent = `${label}: ${counted(shown)} of ${counted(total)} events`;
       }
       if (selected && !selected.side.events.shown[selected.event]) select(null);
       redraw();

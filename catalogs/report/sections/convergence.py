@@ -33,7 +33,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
 
 def with_most_iterations(stages: list[xr.Dataset]) -> list[xr.Dataset]:
     """The MAX_PANELS stages with the most iterations, in their order; of equal ones the earlier."""
-    count = np.array([stage.sizes["iteration"] for stage in stages])
+    count = np.array([int(stage.attrs["iterations"]) for stage in stages])
     return [stages[index] for index in np.sort(np.argsort(-count, kind="stable")[:MAX_PANELS])]
 
 

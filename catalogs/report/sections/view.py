@@ -298,6 +298,7 @@ def _packed_events(evidence: Evidence, label: str, catalog: xr.Dataset, centre: 
         "label": label,
         "modelled": modelled,
         "count": len(chosen),
+        "total": catalog.sizes["event"],
         "position": packed(catalog["location"].values[chosen] - centre, "float32"),
         "log_potency": packed(log_potency(catalog["potency"].values[chosen]), "float32"),
         "mw": packed(catalog["mw"].values[chosen], "float32"),
