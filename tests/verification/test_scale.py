@@ -34,18 +34,18 @@ def variant(costs=COSTS) -> Variant:
 
 
 def test_each_stage_has_the_cells_that_it_ends_with_and_no_compiling():
-    rows = [tuple(row.values()) for row in rows_of_stages(variant(), "cells")]
+    rows = [tuple(row.values()) for row in rows_of_stages(variant(), "cells", "cell_2")]
     assert rows == [
-        ("cells", 1000, "grid", 2.0, 300.0, 0),
-        ("cells", 1000, "elastic", 5.0, 400.0, 0),
-        ("cells", 1500, HISTORY, 32.0, 500.0, 20),
-        ("cells", 4000, LATER, 88.0, 700.0, 30),
+        ("cells", "cell_2", 1000, "grid", 2.0, 300.0, 0),
+        ("cells", "cell_2", 1000, "elastic", 5.0, 400.0, 0),
+        ("cells", "cell_2", 1500, HISTORY, 32.0, 500.0, 20),
+        ("cells", "cell_2", 4000, LATER, 88.0, 700.0, 30),
     ]
 
 
 def test_a_stage_without_costs_is_named():
     with pytest.raises(InputError, match=r"demo: the log of elastic does not state its costs"):
-        rows_of_stages(variant({"grid": COSTS["grid"]}), "cells")
+        rows_of_stages(variant({"grid": COSTS["grid"]}), "cells", "cell_2")
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.7])
@@ -53,7 +53,7 @@ def test_exponents_are_those_of_the_growth(exponent):
     """Sizes in any order; later steps of two runs, whose sizes differ little within a run; nothing below a second."""
     sizes = [10_000, 100, 1000]
     single = pd.DataFrame({"case": "openings", "stage": "grid", "size": sizes})
-    later = pd.DataFrame({"case": "cells", "stage": LATER, "size": [1000, 1010, 8000, 8100]})
+    later = pd.DataFrame({"case": "cells", "stage": LATER, "size": [8000, 9900, 1000, 1010], "run": list("aabb")})
     table = pd.concat([single, later], ignore_index=True)
     table["processor_s"] = 2.0 * (table["size"] / 1000.0) ** exponent
     found = growth_of(table)
@@ -62,7 +62,7 @@ def test_exponents_are_those_of_the_growth(exponent):
     assert alone["exponent"].tolist() == pytest.approx([exponent])
     steps = found[found["stage"] == LATER]
     assert len(steps) == 1
-    assert steps["exponent"].item() == pytest.approx(exponent, abs=1e-3)
+    assert steps["exponent"].item() == pytest.approx(exponent, abs=0.02)
 
 
 def test_drawn_mines_are_planned_and_have_a_grid(monkeypatch):

@@ -35,7 +35,9 @@ def rows_of(case: str, threads: int) -> list[dict]:
     rows = []
     for size in SIZES[case]:
         with TemporaryDirectory() as folder:
-            rows += [{"case": case, "size": size, **row} for row in measure(case, size, Path(folder), threads)]
+            rows += [
+                {"case": case, "run": "", "size": size, **row} for row in measure(case, size, Path(folder), threads)
+            ]
     return rows
 
 

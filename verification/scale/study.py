@@ -17,7 +17,7 @@ from verification.scale.drawn import rows_of
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#000000")  # Okabe and Ito (2008)
 MIN_SECONDS = 1.0  # What takes less at both sizes says nothing about growth.
 HISTORY, LATER = "history", "a later step"
-COLUMNS = ["case", "size", "stage", "processor_s", "memory_MiB", "failed", "page_MB"]
+COLUMNS = ["case", "run", "size", "stage", "processor_s", "memory_MiB", "failed", "page_MB"]
 GROWTH = "growth"  # Name of the table of exponents.
 
 
@@ -26,11 +26,12 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> list[dict]:
     if name in DRAWN:
         return rows_of(name, threads)
     results = read_study(name)
-    return [row for one in results.variants.values() for row in rows_of_stages(one, f"cells of {results.study.title}")]
+    case = f"cells of {results.study.title}"
+    return [row for run, one in results.variants.items() for row in rows_of_stages(one, case, run)]
 
 
-def rows_of_stages(variant: Variant, case: str) -> list[dict]:
-    """Rows of the stages of the mechanics. Raises InputError for one whose log does not state its costs."""
+def rows_of_stages(variant: Variant, case: str, run: str) -> list[dict]:
+    """Rows of the stages of the mechanics of a run. Raises InputError for one whose log does not state its costs."""
     rows = []
     for stage in variant.stages:
         costs = variant.costs(stage)
@@ -43,6 +44,7 @@ def rows_of_stages(variant: Variant, case: str) -> list[dict]:
         rows.append(
             {
                 "case": case,
+                "run": run,
                 "size": int(facts.get("cells", variant.grid.sizes["cell"])),
                 "stage": name,
                 "processor_s": costs.running,
@@ -66,9 +68,8 @@ def growth_of(table: pd.DataFrame) -> pd.DataFrame:
     """Exponent of processor time from each size of a case and stage to the next one; of later steps, their mean."""
     rows = []
     for (case, stage), group in table.groupby(["case", "stage"], sort=False):
-        if stage == LATER:  # each step has other cells: steps of a run are neighbours in the table
-            run = (group["size"].diff().fillna(0) > 0.2 * group["size"].shift()).cumsum()
-            group = group.groupby(run)[["size", "processor_s"]].mean().reset_index(drop=True)
+        if stage == LATER:
+            group = group.groupby("run", sort=False)[["size", "processor_s"]].mean()
         group = group.sort_values("size")
         for one, other in pairwise(group.itertuples()):
             if min(one.processor_s, other.processor_s) >= MIN_SECONDS:
