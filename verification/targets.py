@@ -13,7 +13,7 @@ from snakemake.iocontainers import Wildcards
 from common.errors import InputError
 from verification.benchmarks.settings import Settings, read_settings
 from verification.calibration_truth.settings import TERMS
-from verification.scale import DRAWN
+from verification.scale import ARRAYS, DRAWN
 from verification.stability import KEYS, SEVERAL_SEEDS
 from verification.studies import Study, load_study
 from workflow.folders import NAME
@@ -134,7 +134,10 @@ MEASURING = {  # By the name of the target.
     "mine_times": Measuring(lambda cases: cases.studies.named("times_")[::-1], memory=4000, tables=("steps",)),
     # Processor time and memory of all stages as cells, openings, steps and events grow.
     "scale": Measuring(
-        lambda cases: [*cases.studies.named("scale_"), *DRAWN], memory=12000, tables=("growth",), numerics=("catalogs",)
+        lambda cases: [*cases.studies.named("scale_"), *DRAWN, ARRAYS],
+        memory=12000,
+        tables=("growth", ARRAYS),
+        numerics=("catalogs",),
     ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000),
@@ -196,7 +199,7 @@ class Cases:
                 sys.exit(f"config/benchmarks.yaml: asks for no case {wildcards.case}; there are {', '.join(names)}")
             previous = self.files("benchmarks")[: names.index(wildcards.case)][-1:]
             return list(dict.fromkeys([*self.smaller(wildcards.case), *previous]))
-        if wildcards.target == "stability" or wildcards.case in DRAWN:
+        if wildcards.target == "stability" or wildcards.case in (*DRAWN, ARRAYS):
             return []
         return [*self.studies.results_of([wildcards.case]), self.studies.file(wildcards.case)]
 

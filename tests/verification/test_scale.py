@@ -6,14 +6,16 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+import yaml
 from matplotlib.figure import Figure
 
 from common.costs import Costs
 from common.errors import InputError
+from verification.extremes.tiny_mine import TINY
 from verification.page_tables import Columns
 from verification.results import Variant
-from verification.scale import drawn
-from verification.scale.study import HISTORY, LATER, STUDY, growth_of, rows_of_stages
+from verification.scale import ARRAYS, arrays, drawn
+from verification.scale.study import COLUMNS, HISTORY, LATER, STUDY, growth_of, rows_of_stages
 
 COSTS = {
     "grid": Costs(9.0, 3.0, 1.0, 300.0),
@@ -86,6 +88,21 @@ def test_catalogues_that_are_drawn_have_their_stages_and_a_page(monkeypatch):
     rows = drawn.rows_of("events", threads=1)
     assert [row["stage"] for row in rows] == list(drawn.STAGES_OF_EVENTS)
     assert rows[-1]["page_MB"] > 0.5
+
+
+def test_the_memory_of_a_tiny_mine_is_told_by_the_lines_that_take_it(tmp_path, monkeypatch):
+    """Most of what is traced has a line of the mechanics; the grid's nodes are among it."""
+    mine = tmp_path / "tiny.yaml"
+    mine.write_text(yaml.safe_dump({key: value for key, value in TINY.items() if key != "record"}))
+    monkeypatch.setattr(arrays, "MINE", mine)
+    monkeypatch.setattr(arrays, "PAUSE", 1e-3)
+    grid = dict(zip(COLUMNS, ("openings", "", 3, "grid", 1.0, 100.0), strict=False))
+    table = STUDY.tables({"openings": [grid], ARRAYS: arrays.rows_of_arrays()})[ARRAYS]
+    assert set(table["stage"]) == set(arrays.STAGES)
+    assert (table["bytes_per_cell"] >= 0.0).all()
+    lines = table[table["file"].str.startswith("mpm_core/")]
+    assert lines["code"].str.len().min() > 0
+    assert (lines.groupby("stage")["bytes_per_cell"].sum() > 10.0).all()  # short stages are seen at a few moments only
 
 
 def test_a_command_that_fails_is_named(tmp_path):

@@ -11,7 +11,8 @@ from common.errors import InputError
 from verification.frame import CaseResults, Inputs, MeasuringStudy, read_study
 from verification.page_tables import Columns
 from verification.results import Variant
-from verification.scale import DRAWN
+from verification.scale import ARRAYS, DRAWN
+from verification.scale.arrays import rows_of_arrays
 from verification.scale.drawn import rows_of
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#000000")  # Okabe and Ito (2008)
@@ -23,6 +24,8 @@ GROWTH = "growth"  # Name of the table of exponents.
 
 def measure_case(name: str, inputs: Inputs, threads: int) -> list[dict]:
     """Rows of a case: case, size, stage, processor_s, memory_MiB and, of cells, failed particles."""
+    if name == ARRAYS:
+        return rows_of_arrays()
     if name in DRAWN:
         return rows_of(name, threads)
     results = read_study(name)
@@ -58,7 +61,9 @@ def rows_of_stages(variant: Variant, case: str, run: str) -> list[dict]:
 
 def table_of(results: CaseResults) -> pd.DataFrame:
     """All rows; bytes_per_cell of stages of the mechanics."""
-    table = pd.DataFrame([row for case in results.values() for row in case]).reindex(columns=COLUMNS)
+    table = pd.DataFrame([row for name, case in results.items() if name != ARRAYS for row in case]).reindex(
+        columns=COLUMNS
+    )
     of_cells = table["case"].str.startswith("cells")
     table["bytes_per_cell"] = np.where(of_cells, table["memory_MiB"] * 2**20 / table["size"], np.nan)
     return table
@@ -79,9 +84,10 @@ def growth_of(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
-    """The table of all rows, and that of exponents."""
+    """The table of all rows, that of exponents, and that of arrays."""
     table = table_of(results)
-    return {"table": table, GROWTH: growth_of(table)}
+    arrays = pd.DataFrame(results.get(ARRAYS, []), columns=["stage", "file", "code", "bytes_per_cell"])
+    return {"table": table, GROWTH: growth_of(table), ARRAYS: arrays}
 
 
 def figures(results: CaseResults) -> dict[str, Figure]:
@@ -118,6 +124,11 @@ STUDY = MeasuringStudy(
             f"Exponents of growth, where both sizes take {MIN_SECONDS:g} s or more",
             ("case", "stage", "from", "to", "exponent"),
             file=GROWTH,
+        ),
+        Columns(
+            "What holds the memory of the demo's stages at their peak, by the line of code that makes it",
+            ("stage", "file", "code", "bytes_per_cell"),
+            file=ARRAYS,
         ),
     ),
     names=("case", "size", "stage"),
