@@ -29,7 +29,7 @@ from mpm_core.files.state_datasets import read_grid, read_pieces
 from mpm_core.grid.adjacency import face_neighbors, holding_cells
 from mpm_core.kernels import block_scatter
 from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC
-from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
+from mpm_core.stages.equilibrium_stages import SolutionMonitor, elastic_stage, mining_step
 
 PLANES = {2: "xz", 3: None}
 
@@ -259,6 +259,13 @@ def test_limits_end_with_a_line_and_the_last_state(solver, host, message, tmp_pa
     with np.load(path) as last:
         assert last["stress"].shape == (elastic.sizes["particle"], 6)
         assert len(last["unbalanced_ratio"]) == len(last["iteration"]) > 0
+
+
+def test_an_error_while_cells_are_split_is_told_though_there_is_no_state_to_keep(tmp_path):
+    watched = SolutionMonitor(make_scene(None, host=COULOMB), "step", tmp_path / "failed.npz", lambda: None)
+    with pytest.raises(InputError, match="the reason"), watched:
+        raise InputError("the reason")
+    assert not (tmp_path / "failed.npz").exists()
 
 
 def test_a_state_that_is_not_a_number_is_an_error(tmp_path):
