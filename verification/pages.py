@@ -26,7 +26,8 @@ from workflow.strict_yaml import read_yaml
 
 PAGES = ROOT / "docs" / "studies"
 CORES = {"benchmarks": "2"}  # That Snakemake is given for a measuring study; all for the others.
-POINTS_OF = ("tradeoff_", "spread_", "times_")  # Files of config/verification whose runs stand in one of those tables.
+# Files of config/verification whose runs stand in one of those tables.
+POINTS_OF = ("tradeoff_", "spread_", "times_", "scale_")
 INDEX = "index"
 BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)", re.DOTALL)
 MADE = re.compile(r"Made on \S+ at commit `([^`]+)`")

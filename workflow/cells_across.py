@@ -81,7 +81,7 @@ def _write(path: Path, across: dict[str, Across]) -> None:
 
 def _measured(mine: Mine, entry: Excavation) -> Across:
     """Cells across an opening. A shape has few facets: waking threads takes longer. Raises InputError."""
-    from mpm_core.kernels.threads import threads_for
+    from mpm_core.simd.threads import threads_for
 
     with threads_for(0) if entry.file is None else nullcontext():
         return cells_across(_solid(mine, entry), mine.finest_cell)

@@ -26,13 +26,13 @@ from mpm_core.equilibrium.scheme import Excerpt
 from mpm_core.equilibrium.subdomain import Cubes, Subdomain, cut_out
 from mpm_core.kernels.nodal_operations import sizes
 from mpm_core.kernels.operator_rows import balance, take_step
-from mpm_core.kernels.threads import threads_for
 from mpm_core.model.model import Model
 from mpm_core.model.state import State
 from mpm_core.multigrid.anderson import Anderson
 from mpm_core.multigrid.flow_forces import FlowForces
 from mpm_core.multigrid.solver import ElasticSolver
 from mpm_core.multigrid.stiffness import elastic_cells
+from mpm_core.simd.threads import threads_for
 
 MAX_ELASTIC_CYCLES = 100  # V-cycles that one elastic solution may take.
 MAX_SOLUTIONS = 5  # Solutions that a relaxation may take, each for the round-off that the one before has left.

@@ -8,7 +8,7 @@ so that a box aligned with the grid crosses nothing. Open means shrunk by CROSSI
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.threads import threads_for
+from mpm_core.simd.threads import threads_for
 
 # Cells are shrunk on each side by this share when crossed with facets, far above the round-off of a mine's coordinates.
 CROSSING_TOLERANCE = 1e-6

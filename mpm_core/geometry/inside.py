@@ -21,7 +21,7 @@ from mpm_core.geometry.winding import (
     sample_cells_nearby,
     winding_number_by_tree,
 )
-from mpm_core.kernels.threads import threads_for
+from mpm_core.simd.threads import threads_for
 
 # 4 x 4 x 4 in 3-D, 8 x 8 in 2-D; a set of them is the bits of one integer.
 SAMPLES_PER_CELL = 64

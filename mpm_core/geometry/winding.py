@@ -24,7 +24,7 @@ import igl
 import numpy as np
 from numba import njit, prange
 
-from mpm_core.kernels.threads import threads_for
+from mpm_core.simd.threads import threads_for
 
 PAIRS_PER_CELL = 20  # So many pairs of point and facet are as much work as a cell of the mechanics.
 MAX_EXACT_FACETS = 1000  # Up to so many facets the exact sum takes less time than libigl's tree.

@@ -12,9 +12,9 @@ import numpy as np
 from numba import njit
 
 from mpm_core.kernels.operator_rows import PROLONG, RESTRICT, mask, smooth_first, smooth_next, subtract
-from mpm_core.kernels.threads import threads_for
 from mpm_core.multigrid.level import Level
 from mpm_core.multigrid.stiff_bodies import StiffBodies
+from mpm_core.simd.threads import threads_for
 
 DEGREE_FACTOR = {2: 2.4, 3: 1.2}
 """Degree of the smoother's polynomial over sqrt(c), by dimension."""

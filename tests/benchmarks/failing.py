@@ -67,7 +67,7 @@ def main() -> None:
     parser.add_argument("--largest", type=float, default=2e6, help="particles that may fail in a run")
     largest = parser.parse_args().largest
     use_numba_cache()
-    from mpm_core.kernels.threads import use_threads
+    from mpm_core.simd.threads import use_threads
 
     use_threads(1)
     folder = ROOT / "results" / "benchmarks"

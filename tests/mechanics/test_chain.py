@@ -240,7 +240,7 @@ def test_samples_change_hands_as_rock_is_mined_and_filled_and_fill_is_mined(seed
             if previous is not None and step < last:
                 assert np.array_equal(volume[: previous.count], volumes(previous, changes_before, step))
         if previous is not None:
-            for name in ("cell", "material", "excavation", "xi", "full_volume", "sample"):
+            for name in ("cell", "material", "excavation", "full_volume", "sample"):
                 assert np.array_equal(getattr(particles, name)[: previous.count], getattr(previous, name)), name
         previous, changes_before = particles, changes
 

@@ -3,7 +3,7 @@
 import numba
 import pytest
 
-from mpm_core.kernels.threads import MAX_CELLS_ON_ONE_THREAD, threads_for, use_threads
+from mpm_core.simd.threads import MAX_CELLS_ON_ONE_THREAD, threads_for, use_threads
 
 
 @pytest.fixture

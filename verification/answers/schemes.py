@@ -23,8 +23,8 @@ from catalogs.figures import style
 from catalogs.sources.sizes import MIN_EVENTS_FOR_B, BValue, estimate_b, log_potency
 from common.errors import InputError
 from mpm_core.equilibrium.increments import potency
-from mpm_core.kernels.threads import use_threads
 from mpm_core.scene.scene import parse_scene
+from mpm_core.simd.threads import use_threads
 from mpm_core.stages.equilibrium_stages import mining_step
 from seismic.events import extract_events
 from verification.comparisons import VOIGT_MULTIPLICITY, reported, vanishing

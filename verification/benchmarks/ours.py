@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from mpm_core.kernels.threads import use_threads
+from mpm_core.simd.threads import use_threads
 from verification.benchmarks.peers.stope import announce, closure, peak_memory
 from verification.benchmarks.settings import Case, Settings
 from workflow.mine import Mine

@@ -8,7 +8,7 @@ from workflow.stages import stage
 def trial(job: Job) -> None:
     """a run of the mine with other values of the calibrated quantities"""
     from common.event_table import write_events
-    from mpm_core.kernels.threads import use_threads
+    from mpm_core.simd.threads import use_threads
     from seismic.catalog import join_extractions, merge
     from workflow.run_mine import run_stages
 

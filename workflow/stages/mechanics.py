@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def grid(job: Job) -> None:
     """cells and nodes from the solids"""
     from common.datasets import write_dataset
-    from mpm_core.kernels.threads import use_threads
+    from mpm_core.simd.threads import use_threads
     from mpm_core.stages.first_kernels import compile_for_grid
     from mpm_core.stages.grid_stage import make_grid
 
@@ -39,9 +39,9 @@ def step(job: Job) -> None:
 def _solve(job: Job) -> None:
     """Write elastic.nc, or steps/<step>.nc from the state of the step before."""
     from common.datasets import open_dataset, write_dataset
-    from mpm_core.kernels.threads import use_threads
     from mpm_core.scene.scene import parse_scene
     from mpm_core.scene.step_settings import read_scene_attribute, scene_attribute, settings_up_to
+    from mpm_core.simd.threads import use_threads
     from mpm_core.stages.checkpoint import Checkpoint, key_of
     from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
     from mpm_core.stages.first_kernels import compile_for_scene
@@ -84,7 +84,7 @@ def companion(job: Job) -> None:
     """The same mine on cells of twice the size: grid, steps, events and catalogue, in one job"""
     from common.datasets import write_dataset
     from common.event_table import write_events
-    from mpm_core.kernels.threads import use_threads
+    from mpm_core.simd.threads import use_threads
     from seismic.catalog import merge, write_csv
     from workflow.run_mine import run_stages
 
