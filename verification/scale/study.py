@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from catalogs.figures import style
 from common.errors import InputError
@@ -16,6 +17,7 @@ from verification.scale.arrays import rows_of_arrays
 from verification.scale.drawn import rows_of
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#d55e00", "#cc79a7", "#e69f00", "#000000")  # Okabe and Ito (2008)
+MARKS = ("o", "s")  # of the first stages, and of as many after them
 MIN_SECONDS = 1.0  # What takes less at both sizes says nothing about growth.
 HISTORY, LATER = "history", "a later step"
 COLUMNS = ["case", "run", "size", "stage", "processor_s", "memory_MiB", "failed", "page_MB"]
@@ -95,17 +97,22 @@ def figures(results: CaseResults) -> dict[str, Figure]:
     table = table_of(results)
     cases = list(dict.fromkeys(table["case"]))
     figure = style.new_figure(height=2.6 * ((len(cases) + 1) // 2))
-    panels = figure.subplots((len(cases) + 1) // 2, 2, squeeze=False).ravel()
+    panels = figure.subplots((len(cases) + 1) // 2, 2, squeeze=False, sharey=True).ravel()
     for panel, case in zip(panels, cases, strict=False):
         own = table[table["case"] == case]
-        for colour, (stage, rows) in zip(COLOURS * 2, own.groupby("stage", sort=False), strict=False):
-            line = "o" if stage == LATER else "o-"
-            panel.loglog(rows["size"], rows["processor_s"], line, color=colour, markersize=4, label=stage)
+        for number, (stage, rows) in enumerate(own.groupby("stage", sort=False)):
+            line = "none" if stage == LATER else "-"
+            look = {"color": COLOURS[number % len(COLOURS)], "marker": MARKS[number // len(COLOURS)], "linestyle": line}
+            panel.loglog(rows["size"], rows["processor_s"], markersize=4, label=stage, **look)
         panel.set_title(case)
         panel.set_xlabel("cells" if case.startswith("cells") else case)
         panel.set_ylabel("processor time (s)")
+        panel.yaxis.set_tick_params(labelleft=True)
         panel.grid(color="#e8e8e8", linewidth=0.6)
-        panel.legend(fontsize=6)
+        panel.yaxis.set_major_formatter("{x:g}")
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_minor_formatter(NullFormatter())
+        panel.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     for panel in panels[len(cases) :]:
         panel.set_axis_off()
     return {"growth": figure}
