@@ -61,6 +61,8 @@ MAX_DIVERGENCE = 1e6  # The search ends where the residual exceeds its first val
 class MultigridScheme:
     """Relaxes a state to equilibrium under given external forces; see scheme.Scheme."""
 
+    solver: ElasticSolver  # from the first relaxation on
+
     def __init__(self, model: Model, state: State, volume: np.ndarray):
         self.body = Body(model, state, volume)
         self.model, self.state = model, state
@@ -69,7 +71,6 @@ class MultigridScheme:
         self.stale = np.ones(len(model.scatter.blocks), bool)  # blocks whose forces are not those of their stress
         self.rows: list[np.ndarray] = []
         self.cubes: Cubes | None = None
-        self.solver: ElasticSolver = None  # type: ignore[assignment]  # made where it is needed first
         self.softened: np.ndarray | None = None  # (cell,) bool: hourglass stiffness is that of failed rock
         self._stop()
 
@@ -144,7 +145,7 @@ class MultigridScheme:
     def release(self) -> None:
         """Free the solver and all arrays on its rows, which the next relaxation makes again."""
         self.anderson = self.softened = self.flow = None
-        self.solver = None  # type: ignore[assignment]
+        vars(self).pop("solver", None)
         self.rows = []
 
     def reach_equilibrium(self, external: np.ndarray, tolerance: float, reference: float, history: History) -> None:
