@@ -16,7 +16,7 @@ BASE_BYTES = {"explicit": 0.35e9, "multigrid": 0.45e9}  # Memory of libraries an
 BYTES_PER_CELL = {"explicit": 1160.0, "multigrid": 1500.0}
 BYTES_PER_PARTICLE = 300.0
 # The elastic stage has no flow and keeps no differences.
-ELASTIC_BYTES_SAVED_PER_CELL = {"explicit": 0.0, "multigrid": 700.0}
+ELASTIC_BYTES_SAVED_PER_CELL = {"explicit": 0.0, "multigrid": 250.0}
 MEMORY_REMEDY = "use larger cells (grid.finest_cell, or grid.coarse_cell), fewer grid.particles_per_cell, or free some"
 REFINEMENT_MEMORY_FACTOR = 1.65
 """Factor on the memory of a step with adaptive refinement. While cells are split it holds the cells before, too, and a
