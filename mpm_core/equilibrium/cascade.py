@@ -111,6 +111,7 @@ def snapshot_equilibrium(scheme: Scheme, history: History) -> None:
     body = scheme.body
     history.last_equilibrium = snapshot(body.state, body.model.scene.solver.move, history.last_equilibrium)
     body.rest = history.last_equilibrium["displacement"]
+    history.equilibrium_increment, history.equilibrium_load = history.increment, history.load
 
 
 def next_failures(scheme: Scheme, brittle: Brittle, subdomain: Subdomain | InStepSubdomain | None = None) -> np.ndarray:
@@ -298,8 +299,7 @@ def run_cascade(
                 raise  # no rock has failed: it is not rock that has no equilibrium
             logging.info("no equilibrium: %s", error)
             scheme.go_back(history.last_equilibrium)
-            if history.generation == 0 and history.load > history.load_before:  # nothing failed since the one before
-                history.increment, history.load = history.increment - 1, history.load_before
+            history.increment, history.load = history.equilibrium_increment, history.equilibrium_load
             if cells is not None and len(error.loose):
                 history.collapse = cells.take_out(error.loose)
                 scheme, brittle, ramp = cells.scheme, cells.brittle, cells.ramp

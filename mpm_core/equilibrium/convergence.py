@@ -53,6 +53,8 @@ class History:
     bar: tqdm | None = None
     # The last state in equilibrium, where it may be the result; empty elsewhere.
     last_equilibrium: dict[str, np.ndarray] = field(default_factory=dict)
+    equilibrium_increment: int = 0  # of that state
+    equilibrium_load: float = 0.0
     since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is computed
     logged: float = field(default_factory=time.perf_counter)  # when the log last said where the stage stands
 

@@ -25,7 +25,10 @@ from mpm_core.model.state import Extent, State, changed_in
 MIN_SECONDS_BETWEEN_CHECKPOINTS = 30.0  # A checkpoint is written at least this long after the one before.
 MAX_WRITING_SHARE = 0.015  # Largest share of a stage's time that writing checkpoints may take.
 OF_FAILED, UNCHANGED = changed_in(Extent.FAILED), changed_in(Extent.NONE)
-COUNTERS = ("increment", "generation", "iteration", "tightened", "splits", "load", "load_before", "size")  # of history
+COUNTERS = (  # of history
+    *("increment", "generation", "iteration", "tightened", "splits", "load", "load_before", "size"),
+    *("equilibrium_increment", "equilibrium_load"),
+)
 
 
 def key_of(provenance: dict[str, str], *inputs: Path) -> str:

@@ -9,7 +9,7 @@ import pytest
 from common.errors import InputError
 from mechanics.killed import Killed, KilledAfter
 from mechanics.scenes import COULOMB, box, excavation, grid_around, make_dataset, make_model, make_scene
-from mpm_core.equilibrium import falls
+from mpm_core.equilibrium import cascade, falls
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.convergence import NoEquilibrium
 from mpm_core.grid.mesh import MultiLevelGrid
@@ -31,7 +31,7 @@ SHALLOW = {
 DRIVE, STOPE, FILLED = box([30.0, 51.25], [50.0, 56.25]), box([30.0, 40.0], [50.0, 50.0]), box([5.0, 5.0], [10.0, 10.0])
 
 
-def mine(tmp_path, steps=2, host=LOOSE, **changes):
+def mine(tmp_path, steps=2, host=LOOSE, refinement=None, **changes):
     """Scene up to a step, grid and state before the last of these, in which drive and stope are mined in step 1."""
     shapes = [DRIVE, STOPE, FILLED]
     excavations = [
@@ -46,6 +46,7 @@ def mine(tmp_path, steps=2, host=LOOSE, **changes):
         surface=170.0,
         excavations=excavations,
         steps=steps,
+        refinement=refinement,
         solver={"scheme": "multigrid", "tolerance": 1e-3, "increments": 1, "collapse": "fall"} | changes,
     )
     grid = make_dataset(scene, grid_around(shapes, [8, 10], 4, 10.0, rings=4), shapes)
@@ -193,6 +194,31 @@ def test_in_the_subdomain_of_a_step_the_same_rock_falls(tmp_path, monkeypatch, f
     assert facts["collapsed"] == 0
     assert one == pytest.approx(other, rel=0.5)
     assert facts["energy_left_share"] < 1e-9
+
+
+def test_after_a_split_a_fall_goes_back_to_the_load_of_the_last_equilibrium(tmp_path, monkeypatch):
+    """In the second increment cells are split before anything fails; on them no equilibrium is found."""
+    scene, grid, found = first_steps(
+        tmp_path, count=1, increments=2, refinement={"rings": 1, "max_cells": 10**6, "bodies": []}
+    )
+    loads = []
+
+    def generations(scheme, brittle, external, tolerance, reference, step, history, *_):
+        loads.append(history.load)
+        model = scheme.body.model
+        if len(loads) == 2:
+            largest = model.particles.cell[brittle.coarse[0]]
+            return model.grid.cell_index[[largest]]
+        if len(loads) == 3:
+            raise NoEquilibrium("none", brittle.sound[:1])
+        scheme.reach_equilibrium(external, tolerance, reference, history)
+        return np.empty((0, 2), int)
+
+    monkeypatch.setattr(cascade, "run_generations", generations)
+    _, facts = mining_step(scene, grid, found[0][0], tmp_path / "failed.npz")
+    assert facts["cell_splits"] == 1
+    assert len(json.loads(facts["falls"])) == 1
+    assert loads[:4] == [0.5, 1.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("limit", [0.02, 0.2])
