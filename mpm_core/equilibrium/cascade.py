@@ -1,8 +1,9 @@
 """The brittle cascade: rock above its strength fails, equilibrium is reached again, and so on until no rock fails.
 
 Between two generations of failure a loose tolerance is enough. When no particle fails at the loose tolerance, the
-tolerance is divided by TOLERANCE_DIVISOR and failure is checked again, down to the final one. It is not loosened again
-after a late failure, since little rock fails then. A stage ends with a check at the final tolerance.
+tolerance is divided by TOLERANCE_DIVISOR and failure is checked again, down to the final one. After a late failure, as
+in cells that have just been split, the whole mine is first checked once a part of what the failure has unbalanced is
+balanced: most of the rock that fails next is above its strength then. A stage ends with a check at the final tolerance.
 
 A failure changes stress a few cells around it. So the cascade goes on in a subdomain around newly failed rock, whose
 border is held (subdomain.py). When no more rock fails there, the whole mine reaches equilibrium and is checked. Intact
@@ -31,6 +32,7 @@ from mpm_core.model.state import MOTION, REFINED, UNBALANCED, State, snapshot
 from mpm_core.settings import SolverSettings
 
 TOLERANCE_DIVISOR = 4.0  # In the last increment each tolerance is the one before, divided by this.
+EARLY_SHARE = 0.3  # Failure is first checked where this share of the unbalanced force is left.
 # Where no rock loses strength, the loose tolerance is the given one times the factor, up to the largest one.
 PLASTIC_TOLERANCE_FACTOR, MAX_PLASTIC_TOLERANCE = 50.0, 0.05
 
@@ -146,6 +148,17 @@ def let_fail(
     scheme.set_failed()
 
 
+def approach(
+    scheme: Scheme, external: np.ndarray, tolerance: float, loose: float, reference: float, history: History
+) -> float:
+    """Go as near to equilibrium as is enough for a first check of failure; the tolerance that is reached, between the
+    loose one and the one asked for."""
+    scheme.reach_equilibrium(external, loose, reference, history)
+    reached = max(tolerance, EARLY_SHARE * history.unbalanced_ratio)
+    scheme.reach_equilibrium(external, reached, reference, history)
+    return reached
+
+
 def run_generations(
     scheme: Scheme,
     brittle: Brittle,
@@ -157,8 +170,11 @@ def run_generations(
     subdomain: Subdomain | InStepSubdomain | None = None,
     save: Callable[[State, History], None] = lambda state, history: None,
     cells: AdaptiveCells | None = None,
+    loose: float = 0.0,
 ) -> np.ndarray:
     """Reach equilibrium, let fail what is then above its strength, and so on until nothing is.
+
+    loose: the tolerance that is enough for a first check, if it is larger than the tolerance.
 
     Failure spreads from fresh failures in a subdomain of the mine around them, if that is small, and there in a
     subdomain of that. It does not where the last state in equilibrium or the weakest rock of the whole is needed.
@@ -167,17 +183,25 @@ def run_generations(
     """
     solver = scheme.body.model.scene.solver
     divisible = scheme if isinstance(scheme, SchemeWithSubdomains) and not needs_whole_mine(solver) else None
+    reached = loose
     while True:
-        scheme.reach_equilibrium(external, tolerance, reference, history)
-        fresh = next_failures(scheme, brittle, subdomain)
+        if reached > tolerance:
+            reached = approach(scheme, external, tolerance, loose, reference, history)
+        else:
+            scheme.reach_equilibrium(external, tolerance, reference, history)
+        fresh, places = next_failures(scheme, brittle, subdomain), np.empty((0, scheme.body.model.dimension), int)
         if cells is not None:
-            provisional = tolerance > solver.tolerance
+            provisional = max(reached, tolerance) > solver.tolerance
             places, fresh = cells.flagged(scheme.body.model, scheme.body.state, brittle, fresh, provisional)
-            if len(places) and not len(fresh):
-                return places
+        if not len(fresh) and reached > tolerance:
+            reached = tolerance
+            continue
+        if len(places) and not len(fresh):
+            return places
         let_fail(scheme, brittle, fresh, step, history, not isinstance(subdomain, Subdomain))
         if not len(fresh):
-            return np.empty((0, scheme.body.model.dimension), int)
+            return places
+        reached = loose
         inner = None if divisible is None else divisible.subdomain_around(brittle, fresh)
         if divisible is not None and inner is not None:
             own = divisible.scheme_of(inner)
@@ -265,6 +289,7 @@ def run_cascade(
     solver, loose = scheme.body.model.scene.solver, loose_tolerance(scheme.body.model)
     share = np.sqrt(step_subdomain.share) if step_subdomain else 1.0  # of what may be unbalanced
     increments = Increments(scheme.body.model, ramp.is_constant)
+    checks_early = scheme.body.model.is_brittle() and not needs_whole_mine(solver)
     if solver.collapse == "fall" and not history.last_equilibrium:
         snapshot_equilibrium(scheme, history)
     under_way = history.increment > 0  # a saved history
@@ -277,8 +302,9 @@ def run_cascade(
             while True:
                 tolerance = share * max(loose / TOLERANCE_DIVISOR**history.tightened, solver.tolerance)
                 places = run_generations(
-                    scheme, brittle, external, tolerance, ramp.reference, step, history, step_subdomain, save, cells
-                )
+                    scheme, brittle, external, tolerance, ramp.reference, step, history, step_subdomain, save, cells,
+                    share * loose if checks_early else 0.0,
+                )  # fmt: skip
                 if cells is not None and len(places):
                     goes_back = bool(history.last_equilibrium)
                     del scheme, brittle  # the memory is needed: no one but `cells` has them now

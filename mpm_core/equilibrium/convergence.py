@@ -58,6 +58,11 @@ class History:
     since: tuple = (None, 0.0, 0.0)  # generation, clock and ratio from which the pace is computed
     logged: float = field(default_factory=time.perf_counter)  # when the log last said where the stage stands
 
+    @property
+    def unbalanced_ratio(self) -> float:
+        """Unbalanced force over the reference at the latest check."""
+        return self.rows[-1][HISTORY_COLUMNS.index("unbalanced_ratio")]
+
     def check(self, ratio: float, max_ratio: float) -> None:
         """Note one check of the unbalanced force. Raises InputError if it is not a number."""
         self.rows.append((self.increment, self.generation, self.iteration, ratio, max_ratio, self.cells, self.load, 0))

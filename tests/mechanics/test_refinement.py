@@ -18,7 +18,7 @@ from mechanics.scenes import (
 )
 from mpm_core.equilibrium import cascade
 from mpm_core.equilibrium.brittle import above_strength, find_brittle
-from mpm_core.equilibrium.convergence import NoEquilibrium
+from mpm_core.equilibrium.convergence import History, NoEquilibrium
 from mpm_core.equilibrium.refinement import RINGS_SPLIT_AT_ONCE, RefinedCells
 from mpm_core.grid import build_grid
 from mpm_core.grid.adjacency import holding_cells
@@ -285,3 +285,35 @@ def test_a_collapse_right_after_a_split_goes_back_to_the_cells_of_now(tmp_path, 
     state, facts = run(scene, grid_of(HOLES[:1], rings=0), tmp_path)
     assert facts["collapsed"] == 1
     assert facts["cells"] == state.sizes["cell"]
+
+
+def test_early_checks_save_cycles_and_fail_the_same_rock(tmp_path, monkeypatch):
+    """From no ring of fine cells on, rock fails in cells that have been split at a small tolerance."""
+    solver = BRITTLE | {"cascade_tolerance": 3e-2}
+    found = {}
+    for share in (0.0, cascade.EARLY_SHARE):
+        monkeypatch.setattr(cascade, "EARLY_SHARE", share)
+        _, found[share] = run(adaptive_scene(solver=solver), grid_of(HOLES[:1], rings=0), tmp_path)
+    without, early = found.values()
+    assert early["unbalanced_ratio"] <= BRITTLE["tolerance"]
+    assert early["failed_volume"] == pytest.approx(without["failed_volume"], rel=0.02)
+    assert early["iterations"] < without["iterations"]
+
+
+def test_a_first_check_leaves_a_share_of_the_unbalanced_force_and_no_less_than_the_tolerance():
+    class Halving:
+        """Reaches each tolerance exactly, and notes it."""
+
+        def __init__(self, ratio):
+            self.ratio, self.asked = ratio, []
+
+        def reach_equilibrium(self, external, tolerance, reference, history):
+            self.asked.append(tolerance)
+            self.ratio = min(self.ratio, tolerance)
+            history.check(self.ratio, self.ratio)
+
+    for ratio, tolerance, expected in ((1.0, 1e-5, 3e-3), (1e-3, 1e-5, 3e-4), (1e-3, 8e-4, 8e-4)):
+        scheme = Halving(ratio)
+        reached = cascade.approach(scheme, np.zeros((1, 2)), tolerance, 1e-2, 1.0, History(tolerance))
+        assert reached == pytest.approx(expected)
+        assert scheme.asked == [1e-2, reached]
