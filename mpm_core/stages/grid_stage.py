@@ -19,12 +19,12 @@ from mpm_core.geometry.crossing import in_box
 from mpm_core.geometry.inside import CROSSED, INSIDE, OUTSIDE, SAMPLES_PER_CELL, classify_cells, contains, sample_mask
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.geometry.thickness import Across, cells_across
-from mpm_core.grid.building import GridCount, build_grid
+from mpm_core.grid.building import GridCount, build_grid, count_cells
 from mpm_core.grid.distorted_cells import distorted_shapes, fullest_samples, part_integrals, points_with_volume
 from mpm_core.grid.domain import Domain, base_cells
 from mpm_core.grid.edge_nodes import EdgeNodes, choose_edge_nodes
 from mpm_core.grid.edge_points import EdgePoints, edge_points
-from mpm_core.grid.octree import all_cells, children, morton_codes
+from mpm_core.grid.octree import Classify, all_cells, children, morton_codes
 from mpm_core.grid.splitting import code_of
 from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, FinestPieces
 from mpm_core.scene.scene_solids import bodies_at, read_solids
@@ -329,6 +329,37 @@ def require_memory(count: GridCount, dimension: int, cells: GridCells) -> None:
     )
 
 
+def features_of(values: GridSlice, bodies: list[Solid | Outside]) -> list[Solid | Outside]:
+    """The rock bodies whose surfaces have fine cells."""
+    return [solid for solid, entry in zip(bodies, values.rock_bodies, strict=True) if entry.refine]
+
+
+def fine_around(mined: list[Solid | Outside], features: list[Solid | Outside], domain: Domain) -> Classify:
+    """The cells that are split: those that solids touch, and those that surfaces of features cross."""
+
+    def classify(level: int, index: np.ndarray) -> np.ndarray:
+        marked = touches(mined, domain, level, index)
+        for solid in features:
+            rest = np.flatnonzero(~marked)
+            kind = classify_cells(solid, domain.lower, domain.cell(level), index[rest])
+            marked[rest] = (kind != OUTSIDE) & (kind != INSIDE)
+        return marked
+
+    return classify
+
+
+def cells_at_start(values: GridSlice | dict) -> int:
+    """Number of cells of the grid that `make_grid` would make, which is not made. A draft's own cells are those of
+    twice the size, even where it would keep those of the file."""
+    values = GridSlice.of(values)
+    domain = domain_of(values)
+    solids = read_solids(values.excavations, "excavations", domain)
+    bodies = read_solids(values.rock_bodies, "rock_bodies", domain, values.far_field is not None)
+    first = [solid for number, solid in enumerate(solids) if number not in values.later]
+    classify = fine_around(first, features_of(values, bodies), domain)
+    return count_cells(domain.base_shape, domain.levels, classify, values.grid.buffer_cells).cells
+
+
 def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     """The dataset of grid.nc from the grid's configuration slice, or its values; attributes: provenance.
 
@@ -341,23 +372,13 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     values, lost = cells_of_draft(values, solids, later)
     domain = domain_of(values)
     bodies = read_solids(values.rock_bodies, "rock_bodies", domain, values.far_field is not None)
-    features = [solid for solid, entry in zip(bodies, values.rock_bodies, strict=True) if entry.refine]
     first, after = ([solids[number] for number in np.flatnonzero(chosen)] for chosen in (~later, later))
-
-    def classify(level: int, index: np.ndarray) -> np.ndarray:
-        marked = touches(first, domain, level, index)
-        for solid in features:
-            rest = np.flatnonzero(~marked)
-            kind = classify_cells(solid, domain.lower, domain.cell(level), index[rest])
-            marked[rest] = (kind != OUTSIDE) & (kind != INSIDE)
-        return marked
-
     grid = build_grid(
         domain.lower,
         domain.coarse_cell,
         domain.base_shape,
         domain.levels,
-        classify,
+        fine_around(first, features_of(values, bodies), domain),
         values.grid.buffer_cells,
         before_allocation=lambda count: require_memory(count, dimension, values.grid),
     )
