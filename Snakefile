@@ -2,6 +2,7 @@
 
 snakemake --cores all                                              the demo mine
 snakemake --cores all --configfile config/mines/elk_creek.yaml     another mine (a target stands before --configfile)
+snakemake --cores all quote                                        what it takes, and how wrong its cells leave it
 snakemake --cores all calibrate                                    the demo's rock, calibrated to its record
 snakemake --cores all baselines                                    events from elastic stress alone, beside its record
 snakemake --cores all plans                                        its mining plans side by side

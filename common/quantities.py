@@ -5,7 +5,7 @@ import re
 from functools import cache
 
 QUANTITY_PATTERN = re.compile(r"(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<unit>[^\d\s].*)?")
-POWER_PATTERN = r"(?:[^\W\d]\w*|°)(?:(?:\^|\*\*)[-+]?\d)?"  # m, m^3, s**-1
+POWER_PATTERN = r"(?:[^\W\d]\w*|°|%)(?:(?:\^|\*\*)[-+]?\d)?"  # m, m^3, s**-1
 # Only what matches is handed to pint, which would also evaluate 9**9**9.
 UNIT_PATTERN = re.compile(rf"{POWER_PATTERN}(?:(?:\s*[*/·]\s*|\s+){POWER_PATTERN})*")
 MAX_QUANTITY_LENGTH = 100  # Characters of a quantity.

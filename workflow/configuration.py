@@ -11,10 +11,11 @@ from pathlib import Path
 from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import MAX_INTEGER, key_of, short
 from workflow import BASE
+from workflow.accuracy import STANDARD
 from workflow.checks import check_mine
 from workflow.key_order import key_in, parts_of, section_of, sorted_by_place
 from workflow.mine import Mine
-from workflow.mine_settings import MineSettings
+from workflow.mine_settings import AccuracyRequest, MineSettings
 from workflow.strict_yaml import read_yaml
 
 ELASTIC = {"model": "elastic", "youngs_modulus": "1 GPa", "poisson_ratio": 0.25, "density": "2000 kg/m^3"}
@@ -26,6 +27,7 @@ IN_PLACE = {  # of required keys
     "plane": "none",
     "ensemble": 0,
 }
+SIZE_KEYS = ("finest_cell", "coarse_cell", "levels")  # of section grid
 LISTS = ("excavations", "rock_bodies", "loads", "strains", "steps")
 MAX_MISTAKES_SHOWN = 20  # more scroll away
 
@@ -70,6 +72,9 @@ def load(
     ]
     if mistakes.lines:
         text, settings = valid_subset(text, map(key_in, mistakes.lines))
+    request = settings.accuracy if settings else None
+    if settings and isinstance(request, AccuracyRequest):
+        text, settings = text | {"accuracy": STANDARD}, settings.model_copy(update={"accuracy": STANDARD})
     if settings:
         broken = {section_of(line) for line in mistakes.lines}
         with mistakes.gather():
@@ -86,7 +91,34 @@ def load(
                 mine.record_mistakes = "; ".join(lines)
                 return mine
         raise InputErrors(lines)
+    if isinstance(request, AccuracyRequest):
+        try:
+            return on_requested_cells(mine, request)
+        except InputError as error:
+            raise InputErrors(f"{mine_file}: {line}" for line in error.lines) from error
     return mine
+
+
+def on_requested_cells(mine: Mine, request: AccuracyRequest) -> Mine:
+    """The mine with the grid that a request asks for, as if its file gave that. Raises InputError where it cannot."""
+    from common.kernel_cache import use_numba_cache
+
+    use_numba_cache()
+    from workflow.quote import Quotes, available_cores, choose, quote_slice, quote_source
+
+    grid = mine.settings.grid
+    doubled = bool(mine.written_cells & {"coarse_cell", "levels"}) or "lower" in (mine.text.get("domain") or {})
+    quotes = Quotes(quote_slice(mine), quote_source(), available_cores())
+    cell = choose(quotes, request, doubled)
+    written = {key: value for key, value in (mine.text.get("grid") or {}).items() if key not in SIZE_KEYS}
+    if doubled:
+        levels = grid.levels + round(math.log2(mine.finest_cell / cell))
+        written |= {"coarse_cell": f"{grid.coarse_cell:.15g} m", "levels": levels}
+    else:
+        written |= {"finest_cell": f"{cell:.15g} m"}
+    found = load(mine.text | {"grid": written}, mine.folder / "mine.yaml", mine.default)
+    found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {quotes.at(found.finest_cell).text()}"
+    return found
 
 
 def normalise_yaml_values(value, odd: dict[str, str], path=()):

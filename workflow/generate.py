@@ -87,7 +87,7 @@ DEMO, ELK_CREEK, RENISON = (f"config/mines/{name}.yaml" for name in ("demo", "el
 # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
 TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Place, domain and cells": (
-        ("frame", "domain", "grid"),
+        ("frame", "domain", "grid", "accuracy"),
         ((DEMO, "frame"), (DEMO, "grid"), (ELK_CREEK, "domain")),
     ),
     "Stress and rock": (

@@ -42,6 +42,7 @@ class MineConfiguration:
     realization: int = field(
         init=False, default=0
     )  # number of the ensemble's member: another random field of strength; 0: the mine itself
+    requested: str = field(init=False, default="")  # what followed from a request (accuracy), for the user
     record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
     _number: dict[str, int] = field(init=False)
 

@@ -204,6 +204,23 @@ class MiningPlan(Settings):
         return self
 
 
+class AccuracyRequest(Settings):
+    """What a run may cost, or how wrong it may be: cells follow from it (`snakemake quote`)."""
+
+    error: Annotated[float, Unit("%", ge=1.0, le=60.0)] = None
+    """Largest error of potency and of failed volume that the cells may leave, as study openings measures it."""
+    time: Annotated[float, Unit("min", ge=0.1, le=1e6)] = None
+    """Longest time that the run may take on this machine."""
+    memory: Annotated[float, Unit("GB", ge=0.1, le=1e6)] = None
+    """Largest memory that the run may take."""
+
+    @model_validator(mode="after")
+    def _asks(self) -> Self:
+        if not self.given():
+            raise refusal("asks for nothing; give error, time or memory")
+        return self
+
+
 class MineSettings(Settings):
     """All of a mine's configuration."""
 
@@ -214,10 +231,11 @@ class MineSettings(Settings):
     plan without weight."""
     thickness: Size = 1.0
     """Thickness of a plane-strain scene, for volumes and potency."""
-    accuracy: Literal["draft", "standard", "fine"] = "standard"
+    accuracy: choose(is_section, AccuracyRequest, Literal["draft", "standard", "fine"]) = "standard"
     """`standard`: the mine file is used unchanged. `draft`: cells of twice the size, unless an excavation would have
     almost no whole cells then; tolerances three times as large; an allowed overshoot twice as large. `fine`: cells of
-    half the size, an allowed overshoot half as large."""
+    half the size, an allowed overshoot half as large. `{error: 10 %}`, `{time: 20 min}`, `{memory: 8 GB}`, or several
+    of them: the cells that this needs; the cells of the file are where the search begins."""
     ensemble: whole_number(ge=0, le=1000) = 0
     """Number of runs in addition to the mine's own run, each with another random strength. Each takes as long. They
     show how much chance changes the catalogue."""

@@ -47,8 +47,9 @@ try:
     update_config(config, OVERRIDES)
     MINE = load(config, os.path.relpath(MINE_FILE), DEFAULT, OVERRIDES, may_lack_record=draws_alone())
     check_owner(MINE.name, MINE_FILE)
-    if workflow.overwrite_configfiles and workflow.is_main_process:
-        for note in notes(MINE):
+    if workflow.is_main_process:
+        told = [MINE.requested] if MINE.requested else []
+        for note in [*told, *(notes(MINE) if workflow.overwrite_configfiles else [])]:
             print(f"{MINE.name}: {note}", file=sys.stderr)
 except InputError as error:
     sys.exit(str(error))

@@ -23,6 +23,34 @@ rule scene:
         RUN
 
 
+rule quote_of_mine:
+    """What the mine will take on this machine, and how wrong its cells leave it, by its first steps on larger cells."""
+    input:
+        **INPUTS.of("quote"),
+    output:
+        text=FILES.own("quote.txt"),
+        values=FILES.own("quote.json"),
+    log:
+        f"{OWN_LOGS}/quote.log",
+    conda:
+        "../envs/environment.yaml"
+    threads: RESOURCES.all_cores
+    resources:
+        mem_mb=by_attempt(4000),
+        runtime=30,
+    shell:
+        RUN
+
+
+rule quote:
+    """Print it, on request."""
+    input:
+        FILES.own("quote.txt"),
+    localrule: True
+    shell:
+        "cat {input:q}"
+
+
 rule vtk:
     """A stage for ParaView, on request: results/<mine>/vtk/elastic.vtu or vtk/steps/<step>.vtu."""
     input:

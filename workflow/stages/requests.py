@@ -2,9 +2,13 @@
 
 import logging
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from common.job import Job
 from workflow.stages import stage
+
+if TYPE_CHECKING:
+    from workflow.mine import Mine
 
 
 @stage("catalogs", settings=lambda mine, wildcards: mine.picture_slice())
@@ -28,6 +32,39 @@ def scene(job: Job) -> None:
         logging.warning(note)
     steps = PictureSlice.of({"steps": job.settings["steps"]}).steps
     write_overview(grid, steps, record, job.output(), note)
+
+
+def quote_settings(mine: "Mine") -> dict:
+    """Settings of stage `quote`."""
+    from workflow.quote import quote_slice
+
+    return quote_slice(mine)
+
+
+@stage(
+    "mpm_core",
+    "seismic",
+    "catalogs",
+    modules=("workflow.run_mine", "workflow.pilot", "workflow.quote"),
+    settings=lambda mine, wildcards: quote_settings(mine),
+)
+def quote(job: Job) -> None:
+    """what the mine will take, and how wrong its cells leave it"""
+    import json
+    from dataclasses import asdict
+
+    from common.datasets import atomic_path
+    from workflow.quote import Quotes, text_of
+
+    quotes = Quotes(job.settings, job.code, job.threads)
+    text = text_of(quotes)
+    for line in text.splitlines():
+        logging.info("%s", line)
+    foreseen = asdict(quotes.at(job.settings["cell"])) | {"pilot": asdict(quotes.pilot), "cores": job.threads}
+    with atomic_path(job.output("quote.json")) as temporary:
+        temporary.write_text(json.dumps(foreseen, indent=1) + "\n", encoding="utf-8")
+    with atomic_path(job.output("quote.txt")) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 @stage("catalogs", settings=lambda mine, wildcards: {"noise": 10.0, "cut": -3.0, "seed": 1})

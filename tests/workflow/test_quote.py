@@ -1,0 +1,237 @@
+"""The price before the run: pilots, what is foreseen on cells of other sizes, and cells for a request."""
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+from tiny_mines import TINY, box, snakemake, write_mine
+
+from catalogs.compare.cell_error import MIN_ERROR, error_at
+from common.errors import InputError
+from mpm_core.stages.grid_stage import cells_at_start, make_grid
+from workflow import pilot, quote
+from workflow.configuration import load_mine
+from workflow.mine_settings import AccuracyRequest
+from workflow.pilot import Pilot, PilotStep, pilot_slices
+from workflow.quote import Quotes, choose, quote_slice, text_of
+
+FLAT = Path(__file__).parents[1] / "golden/mines/flat.yaml"
+FOUND = Pilot(4.0, 1000, 1.0, 2.0, (PilotStep("history", 1200, 3.0), PilotStep("2019-08", 2000, 10.0)), 4.0)
+SETTINGS = {
+    "name": "made_up", "cell": 2.0, "pilots": [{}], "grids": {"4.0": 1000, "2.0": 3000, "1.0": 10_000},
+    "across": {"wide": [8.0, 3], "drive": [3.0, 3], "slot": [3.0, 2]}, "steps": 2, "scheme": "multigrid",
+    "dimension": 3, "particles_per_cell": 1, "follows": True, "companion": False, "members": 0, "accuracy": "standard",
+}  # fmt: skip
+
+
+@pytest.fixture
+def quotes(monkeypatch):
+    """Quotes of a mine that was tried on cells of 4 m; other settings, cores and pilots by name."""
+    monkeypatch.setattr(quote, "cells_at_start", lambda grid: grid)
+
+    def make(cores=1, found=FOUND, **changes) -> Quotes:
+        monkeypatch.setattr(quote, "pilot_of", lambda *_: found)
+        return Quotes(SETTINGS | changes, "code", cores)
+
+    return make
+
+
+def test_on_the_cells_of_the_pilot_a_quote_is_what_it_took(quotes):
+    one = quotes().at(4.0)
+    assert (one.start, one.end) == (1000, 2000)
+    assert one.processor == pytest.approx(FOUND.seconds + quote.REPORT_SECONDS)
+    assert one.error == pytest.approx(math.expm1(error_at(1.0)))
+
+
+def test_smaller_cells_cost_more_and_err_less(quotes):
+    made = quotes()
+    sizes = [8.0, 4.0, 3.0, 2.0, 1.4, 1.0, 0.5]
+    rows = [made.at(cell) for cell in sizes]
+    for name in ("start", "end", "memory", "processor", "wall"):
+        values = [getattr(row, name) for row in rows]
+        assert values == sorted(values), name
+        assert values[0] < values[-1], name
+    errors = [row.error for row in rows]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] == pytest.approx(math.expm1(MIN_ERROR))
+    assert made.at(8.0).error > made.at(4.0).error
+    assert made.cells_at(math.sqrt(8.0)) == pytest.approx(math.sqrt(1000 * 3000))
+
+
+def test_companion_ensemble_later_steps_and_cores_count(quotes):
+    alone = quotes().at(2.0)
+    assert quotes(companion=True).at(2.0).processor - alone.processor == pytest.approx(FOUND.seconds)
+    more = quotes(members=3).at(2.0).processor - alone.processor
+    assert 2.5 * alone.processor < more + 3.0 * quote.REPORT_SECONDS < 3.0 * alone.processor + 3.0
+    later = quotes(steps=4).at(2.0)
+    assert later.end > alone.end
+    assert later.processor > alone.processor * 1.5
+    assert alone.wall > quotes(cores=4).at(2.0).wall > alone.wall * quote.SERIAL_SHARE * 0.9
+
+
+def test_an_error_that_no_pilot_shows_is_not_stated(quotes):
+    assert math.isnan(quotes(found=replace(FOUND, thickness=math.nan)).at(2.0).error)
+    assert math.isinf(quotes(found=replace(FOUND, thickness=0.5)).at(2.0).error)
+    assert "no rock fails" in text_of(quotes(found=replace(FOUND, thickness=math.nan)))
+    assert "too large to say" in text_of(quotes(found=replace(FOUND, thickness=0.5)))
+
+
+def test_the_text_has_a_line_for_each_size_and_names_narrow_openings(quotes, monkeypatch):
+    text = text_of(quotes(cores=2))
+    head, columns, *sizes, narrow = text.splitlines()
+    assert head.startswith(
+        "made_up: what it takes on this machine with 2 cores, by history and 2019-08 on cells of 4 m."
+    )
+    assert len({len(line) for line in (columns, *sizes)}) == 1
+    assert [line.split("(")[1].split(")")[0] for line in sizes] == ["draft", "standard", "fine"]
+    assert narrow.endswith("drive (1.5 cells across, of 3), slot (1.5 cells across, of 2)")
+    assert "draft" not in text_of(quotes(accuracy="fine"))
+    monkeypatch.setattr(quote, "usable", lambda: 0.46e9)
+    fits = text_of(quotes()).splitlines()[-2]
+    assert fits.startswith("0.5 GB of memory are free: cells of ")
+    size = float(fits.split()[-3])
+    assert quotes().at(size).memory <= 0.46e9 < quotes().at(0.9 * size).memory
+
+
+def test_a_request_is_met_by_cells_that_are_just_small_or_large_enough(quotes):
+    made = quotes()
+    by_error = choose(made, AccuracyRequest.of({"error": 10.0}), False)
+    assert made.at(by_error).error <= 0.1 < made.at(1.05 * by_error).error
+    by_time = choose(made, AccuracyRequest.of({"time": 2.0}), False)
+    assert made.at(by_time).wall <= 120.0 < made.at(0.9 * by_time).wall
+    by_memory = choose(made, AccuracyRequest.of({"memory": 1.0}), False)
+    assert made.at(by_memory).memory <= 1e9 < made.at(0.9 * by_memory).memory
+    both = choose(made, AccuracyRequest.of({"memory": 1.0, "time": 2.0}), False)
+    assert both == max(by_time, by_memory)
+    assert choose(made, AccuracyRequest.of({"error": 10.0, "time": 600.0}), False) == by_error
+    for request in ({"error": 10.0}, {"time": 2.0}, {"memory": 1.0}):
+        cell = choose(made, AccuracyRequest.of(request), True)
+        assert math.log2(cell / 2.0).is_integer()
+        other = choose(made, AccuracyRequest.of(request), False)
+        assert 0.5 < (cell / other if "error" in request else other / cell) <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("request_", "says"),
+    [
+        ({"error": 5.0}, "accuracy.error: 5 % is not to be had: study openings vouches for no less than 5.3 %"),
+        ({"time": 0.1}, "accuracy: not to be had: on cells of 128 m it still takes"),
+        ({"error": 6.0, "time": 0.7}, "accuracy: an error of 6 % needs cells of"),
+    ],
+)
+def test_what_cannot_be_had_is_refused_with_what_can(quotes, request_, says):
+    with pytest.raises(InputError, match=re.escape(says)):
+        choose(quotes(), AccuracyRequest.of(request_), False)
+
+
+def test_without_failure_in_the_pilot_no_error_can_be_asked_for(quotes):
+    with pytest.raises(InputError, match=r"accuracy.error: no rock fails on the cells of 4 m"):
+        choose(quotes(found=replace(FOUND, thickness=math.nan)), AccuracyRequest.of({"error": 10.0}), False)
+
+
+def test_a_pilot_is_run_on_ever_smaller_cells_until_it_takes_long_and_is_kept(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    ran = []
+
+    def run(slices, failed):
+        ran.append(slices["cell"])
+        return replace(
+            FOUND, cell=slices["cell"], grid=0.0, elastic=0.0, steps=(PilotStep("history", 9, 8.0 / ran[-1]),)
+        )
+
+    monkeypatch.setattr(pilot, "_run", run)
+    slices = [{"cell": cell, "grid": {"excavations": [], "rock_bodies": []}} for cell in (16.0, 8.0, 4.0, 2.0)]
+    found = pilot.pilot_of("mine", slices, 100, "code")
+    assert ran == [16.0, 8.0, 4.0]  # 2 m would take 6 times 2 s beside the 3.5 s so far
+    assert pilot.pilot_of("mine", slices, 100, "code") == found
+    assert len(ran) == 3
+    pilot.pilot_of("mine", slices, 100, "other code")
+    assert len(ran) == 6
+    assert pilot.pilot_of("mine", slices, 10**6, "third code").cell == 2.0  # a larger mine may take longer
+
+
+def test_a_mine_is_tried_with_its_history_and_first_month_on_larger_cells(monkeypatch, tmp_path):
+    mine = load_mine(FLAT, {"grid": {"levels": 3}})
+    (large, doubled) = pilot_slices(mine)
+    assert [large["cell"], doubled["cell"]] == [10.0, 5.0]
+    assert [step["name"] for step in doubled["steps"]] == ["history", "2019-08"]
+    monkeypatch.chdir(tmp_path)
+    settings = quote_slice(mine)
+    assert json.loads(json.dumps(settings)) == settings
+    made = Quotes(settings, "code", 1)
+    assert made.pilot.cell == 5.0
+    assert made.pilot.start == make_grid(doubled["grid"], {}).sizes["cell"]
+    assert [step.name for step in made.pilot.steps] == ["history", "2019-08"]
+    assert made.pilot.thickness > 0.0
+    assert made.at(2.5).start == make_grid(mine.grid_slice(), {}).sizes["cell"]
+
+
+def test_cells_are_counted_as_the_grid_makes_them(accept):
+    old, new = (
+        box(name, step, [x, 30, 40], [x + 10, 40, 50]) for name, step, x in (("a", "history", 20), ("b", "2019-08", 50))
+    )
+    dyke = {
+        "name": "dyke",
+        "material": "host",
+        "refine": True,
+        "shape": "box",
+        "lower": ["10 m", "0 m", "0 m"],
+        "upper": ["15 m", "80 m", "80 m"],
+    }
+    bodies, later = [dyke], [old, new]
+    for changes in ({}, {"excavations": later}, {"rock_bodies": bodies}, {"accuracy": "fine"}):
+        values = accept(TINY, **changes).grid_slice()
+        assert cells_at_start(values) == make_grid(values, {}).sizes["cell"]
+
+
+def test_a_file_with_a_request_is_as_one_with_those_cells(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(quote, "pilot_of", lambda *_: FOUND)
+    asked = load_mine(FLAT, {"grid": {"levels": 3}, "accuracy": {"error": "20 %"}})
+    assert asked.settings.accuracy == "standard"
+    assert asked.requested.startswith("accuracy: cells of 2.5 m; foreseen: ")
+    assert asked.grid_slice() == load_mine(FLAT, {"grid": {"levels": 3}}).grid_slice()
+    text = yaml.safe_load(FLAT.read_text())
+    del text["domain"]
+    file = tmp_path / "derived.yaml"
+    file.write_text(yaml.safe_dump(text | {"grid": {"finest_cell": "5 m"}, "accuracy": {"error": "20 %"}}))
+    derived = load_mine(file)
+    assert derived.finest_cell == pytest.approx(4.9)
+    assert derived.text["grid"]["finest_cell"] == "4.9 m"
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ({}, "accuracy: asks for nothing; give error, time or memory"),
+        ({"error": 10}, "accuracy.error: 10 has no unit; write it as text with one, for example '10 %'"),
+        ({"error": "0.5 %"}, "accuracy.error: 0.5 % is out of range"),
+        ({"time": "20 m"}, "accuracy.time: '20 m' is not convertible to min"),
+        ({"eror": "5 %"}, "accuracy.eror: unknown key; did you mean error?"),
+        ("grand", "accuracy: 'grand' is not one of draft, standard, fine"),
+    ],
+)
+def test_a_wrong_request_is_refused_in_one_line(refuse, value, says):
+    assert says in refuse(TINY, accuracy=value)
+
+
+def test_the_target_prints_the_table_and_a_request_says_which_cells_follow(tmp_path):
+    file = write_mine(TINY, tmp_path / "files" / "tiny.yaml")
+    status, text = snakemake(file, tmp_path, "quote")
+    assert status == 0, text
+    folder = tmp_path / "results" / "tiny"
+    assert (folder / "quote.txt").read_text() in text
+    assert json.loads((folder / "quote.json").read_text())["start"] == 0.0 + cells_at_start(
+        load_mine(file).grid_slice()
+    )
+    status, text = snakemake(file, tmp_path, "--dry-run", "--config", "accuracy={memory: 0.1 GB}")
+    assert status
+    assert "accuracy: not to be had" in text
+    status, text = snakemake(file, tmp_path, "--dry-run", "--config", "accuracy={memory: 1 GB}")
+    assert status == 0, text
+    assert "tiny: accuracy: cells of " in text
+    assert not (folder / "grid.nc").exists()

@@ -1,0 +1,129 @@
+"""A pilot: the first steps of a mine on larger cells, which show what the mine's own cells will cost.
+
+Cells are as large as the mine's grid allows at first, then half as large again and again, until the next pilot would
+take longer than a pilot may. Only the last one counts. It is kept: the same pilot is not run twice in a folder.
+"""
+
+import hashlib
+import json
+import logging
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from common.costs import COMPILING, processor_time
+from common.errors import InputError
+from workflow.mine import Mine
+
+MEMORY = Path(".snakemake/pilots")  # next to Snakemake's own notes
+MAX_HALVINGS = 3  # Cells of a pilot are at most 2^3 times as large as the mine's own.
+GROWTH = 6.0  # Time of a pilot over that of the one before, at most of most mines.
+MAX_SECONDS, MAX_SECONDS_PER_CELL = 15.0, 6e-5  # processor time that pilots may take: the larger of both
+
+
+@dataclass(frozen=True)
+class PilotStep:
+    """A step of a pilot: its name, cells at its end, and processor time without compiling, s."""
+
+    name: str
+    cells: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """What a pilot found.
+
+    cell: edge of its finest cells, m; start: cells of its grid; grid, elastic: processor time of these stages without
+    compiling, s, on one core; steps: those that it ran; thickness: of the rock that failed in the last of them in which
+    any did, m; NaN if none did.
+    """
+
+    cell: float
+    start: int
+    grid: float
+    elastic: float
+    steps: tuple[PilotStep, ...]
+    thickness: float
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of all of it, without compiling, s."""
+        return self.grid + self.elastic + sum(step.seconds for step in self.steps)
+
+
+def pilot_slices(mine: Mine) -> list[dict]:
+    """Settings of the pilots of a mine, on the largest cells first: its stages as workflow.run_mine takes them, up to
+    the first dated step, and the size `cell` of the finest cells, m. None where its cells cannot be larger."""
+    pilots: list[dict] = []
+    for _ in range(min(mine.settings.grid.levels - 1, MAX_HALVINGS)):
+        mine = mine.coarser()
+        dated = next((number for number, name in enumerate(mine.mined_steps) if name in mine.dated_steps), 0)
+        slices = mine.run_slices([])
+        pilots.insert(0, slices | {"steps": slices["steps"][: dated + 1], "cell": mine.finest_cell})
+    return pilots
+
+
+def pilot_of(name: str, pilots: list[dict], cells: int, code: str) -> Pilot:
+    """The pilot of a mine of this name; pilots: see `pilot_slices`; cells: of the mine's own grid; code: hash of the
+    sources that run it. Raises InputError where it reaches no equilibrium."""
+    digest = hashlib.sha256(json.dumps([pilots, code, _stamps(pilots)], sort_keys=True).encode())
+    path = MEMORY / f"{name}_{digest.hexdigest()[:16]}.json"
+    with suppress(OSError, ValueError, TypeError, KeyError):  # none yet, or no longer whole
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return Pilot(**kept | {"steps": tuple(PilotStep(**step) for step in kept["steps"])})
+    taken, allowed = 0.0, max(MAX_SECONDS, MAX_SECONDS_PER_CELL * cells)
+    for slices in pilots:
+        found = _run(slices, path.with_suffix(".failed.npz"))
+        taken += found.seconds
+        if taken + GROWTH * found.seconds > allowed:
+            break
+    _keep(path, found)
+    return found
+
+
+def _stamps(pilots: list[dict]) -> list[list[int]]:
+    """Time and size of the files of solids."""
+    grid = pilots[0]["grid"]
+    files = [Path(entry["file"]) for entry in [*grid["excavations"], *grid["rock_bodies"]] if "file" in entry]
+    return [[path.stat().st_mtime_ns, path.stat().st_size] for path in files if path.exists()]
+
+
+def _keep(path: Path, pilot: Pilot) -> None:
+    from common.datasets import atomic_path
+
+    try:
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps(asdict(pilot)), encoding="utf-8")
+    except (InputError, OSError) as error:
+        logging.info("%s", error)
+
+
+def _run(slices: dict, failed: Path) -> Pilot:
+    from catalogs.compare.cell_error import failed_thickness
+    from mpm_core.simd.threads import use_threads
+    from workflow.derived_domain import quiet
+    from workflow.run_mine import run_stages
+
+    use_threads(1)  # On a busy machine several take many times the processor time, which tells nothing.
+    seconds, steps, start, thickness = {}, [], 0, np.nan
+    before = _running()
+    with quiet():  # The mine's own stages will warn.
+        for name, dataset, facts in run_stages(slices, failed):
+            now = _running()
+            seconds[name] = now - before
+            if name == "grid":
+                start = dataset.sizes["cell"]
+            if name.startswith("steps/"):
+                steps.append(PilotStep(name.removeprefix("steps/"), int(facts["cells"]), seconds[name]))
+                of_step = failed_thickness(dataset, [facts["step_index"]]) * slices["cell"]
+                thickness = of_step if np.isfinite(of_step) else thickness
+            before = _running()
+    return Pilot(slices["cell"], start, seconds["grid"], seconds["elastic"], tuple(steps), float(thickness))
+
+
+def _running() -> float:
+    """Processor time of this process so far, without compiling, s."""
+    return processor_time() - COMPILING.seconds
