@@ -146,11 +146,12 @@ def test_a_pilot_is_run_on_ever_smaller_cells_until_it_takes_long_and_is_kept(mo
     monkeypatch.setattr(pilot, "_run", run)
     slices = [{"cell": cell, "grid": {"excavations": [], "rock_bodies": []}} for cell in (16.0, 8.0, 4.0, 2.0)]
     found = pilot.pilot_of("mine", slices, 100, "code")
-    assert ran == [16.0, 8.0, 4.0]  # 2 m would take 6 times 2 s beside the 3.5 s so far
+    assert ran == [16.0, 16.0, 8.0, 4.0]  # 2 m would take 6 times 2 s beside the 4 s so far
+    assert found.cell == 4.0
     assert pilot.pilot_of("mine", slices, 100, "code") == found
-    assert len(ran) == 3
+    assert len(ran) == 4
     pilot.pilot_of("mine", slices, 100, "other code")
-    assert len(ran) == 6
+    assert len(ran) == 8
     assert pilot.pilot_of("mine", slices, 10**6, "third code").cell == 2.0  # a larger mine may take longer
 
 
