@@ -160,6 +160,12 @@ class Quotes:
             steps += seconds
         return (pilot.grid + pilot.elastic) * start / pilot.start + steps, steps, round(cells)
 
+    def half(self, one: Quote) -> Quote | None:
+        """The quote on the largest cells with half of the error of another; None where study openings vouches for no
+        such error, or no error is known."""
+        cell = self.largest(lambda other: other.error <= 0.5 * one.error) if math.isfinite(one.error) else 0.0
+        return self.at(cell) if cell else None
+
     def narrow(self, cell: float) -> list[str]:
         """Openings that are narrow for cells of a size (m), the narrowest first, as text."""
         found = {name: (width / cell, needed) for name, (width, needed) in self.settings["across"].items()}

@@ -62,6 +62,16 @@ def test_smaller_cells_cost_more_and_err_less(quotes):
     assert made.cells_at(math.sqrt(8.0)) == pytest.approx(math.sqrt(1000 * 3000))
 
 
+def test_half_of_an_error_is_that_of_smaller_cells_as_far_as_a_study_vouches_for_it(quotes):
+    made = quotes()
+    half = made.half(made.at(4.0))
+    assert half.error == pytest.approx(0.5 * made.at(4.0).error, rel=1e-3)
+    assert half.processor > made.at(4.0).processor
+    assert made.half(made.at(1.0)) is None
+    nothing = quotes(found=replace(FOUND, thickness=math.nan))
+    assert nothing.half(nothing.at(2.0)) is None
+
+
 def test_companion_ensemble_later_steps_and_cores_count(quotes):
     alone = quotes().at(2.0)
     assert quotes(companion=True).at(2.0).processor - alone.processor == pytest.approx(FOUND.seconds)
@@ -226,9 +236,8 @@ def test_the_target_prints_the_table_and_a_request_says_which_cells_follow(tmp_p
     assert status == 0, text
     folder = tmp_path / "results" / "tiny"
     assert (folder / "quote.txt").read_text() in text
-    assert json.loads((folder / "quote.json").read_text())["start"] == 0.0 + cells_at_start(
-        load_mine(file).grid_slice()
-    )
+    values = json.loads((tmp_path / "logs" / "tiny" / "quote.json").read_text())
+    assert values["own"]["start"] == cells_at_start(load_mine(file).grid_slice())
     status, text = snakemake(file, tmp_path, "--dry-run", "--config", "accuracy={memory: 0.1 GB}")
     assert status
     assert "accuracy: not to be had" in text

@@ -29,7 +29,7 @@ rule quote_of_mine:
         **INPUTS.of("quote"),
     output:
         text=FILES.own("quote.txt"),
-        values=FILES.own("quote.json"),
+        values=f"{OWN_LOGS}/quote.json",  # beside the logs, from which the report reads what stages took
     log:
         f"{OWN_LOGS}/quote.log",
     conda:

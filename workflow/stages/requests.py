@@ -60,9 +60,11 @@ def quote(job: Job) -> None:
     text = text_of(quotes)
     for line in text.splitlines():
         logging.info("%s", line)
-    foreseen = asdict(quotes.at(job.settings["cell"])) | {"pilot": asdict(quotes.pilot), "cores": job.threads}
+    own = quotes.at(job.settings["cell"])
+    half = quotes.half(own)
+    values = {"own": asdict(own), "half": half and asdict(half), "pilot": asdict(quotes.pilot), "cores": job.threads}
     with atomic_path(job.output("quote.json")) as temporary:
-        temporary.write_text(json.dumps(foreseen, indent=1) + "\n", encoding="utf-8")
+        temporary.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
     with atomic_path(job.output("quote.txt")) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

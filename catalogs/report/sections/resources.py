@@ -3,13 +3,16 @@
 The template is "resources.html.j2".
 """
 
+import json
+import math
 import re
 from dataclasses import asdict
 from pathlib import Path
 
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
-from common.costs import cost_of
+from catalogs.report.text import percent, whole
+from common.costs import cost_of, duration_text
 from common.result_folders import COARSE, ELASTIC_ROCK, ENSEMBLE
 
 # Logs of the stages of a run, without ending. Stages of a run in elastic rock and of members of an ensemble are jobs of
@@ -26,12 +29,41 @@ MADE_BY = {  # stage, and the datasets without all of which its log is of an ear
 }
 
 
-def section(evidence: Evidence, _: Gallery) -> list[dict]:
-    """Rows of the section on resources, one for each stage of the run: its name and the columns of `common.costs`."""
+QUOTE = "quote.json"  # in the folder of logs: what `snakemake quote` foresaw
+
+
+def section(evidence: Evidence, _: Gallery) -> dict:
+    """Rows of the section on resources, one for each stage of the run: its name and the columns of `common.costs`; and
+    what was foreseen, as text."""
     absent = {stage for stage, names in MADE_BY.items() if all(getattr(evidence, name) is None for name in names)}
     absent |= set() if evidence.steps else {"events"}
     members = 0 if evidence.spread is None else int(evidence.spread.attrs["members"])
-    return read_resources(evidence.logs, {str(step["step"]) for step in evidence.steps}, absent, members)
+    rows = read_resources(evidence.logs, {str(step["step"]) for step in evidence.steps}, absent, members)
+    cells = int(evidence.steps[-1]["cells"]) if evidence.steps else int(evidence.grid.sizes["cell"])
+    return {"rows": rows, "foreseen": foreseen(evidence.logs, rows, float(evidence.grid.attrs["fine_cell"]), cells)}
+
+
+def foreseen(logs, rows: list[dict], cell: float, cells: int) -> str:
+    """What was foreseen for the run, what it took, and what half of the error would cost; empty where nothing was
+    foreseen for cells of this size (m). rows: see read_resources; cells: at the end."""
+    try:
+        quote = json.loads((Path(logs or ".") / QUOTE).read_text(encoding="utf-8"))
+        own, half = quote["own"], quote["half"]
+        if not math.isclose(own["cell"], cell) or not rows:
+            return ""
+    except (OSError, ValueError, KeyError):  # none was asked for, or it is no longer whole
+        return ""
+    took = sum(row["processor"] - row["compiling"] for row in rows)
+    text = (
+        f"Before the run, {duration_text(own['processor'])} of processor time, {own['memory'] / 1e9:.1f} GB and "
+        f"{whole(own['end'])} cells were foreseen. It took {duration_text(took)} without compiling, "
+        f"{max(row['memory'] for row in rows) * 2**20 / 1e9:.1f} GB and {whole(cells)} cells."
+    )
+    if math.isfinite(own["error"]):
+        text += f" The foreseen error of potency and of failed volume was {percent(own['error'])}."
+    if half:
+        text += f" Half of it needs cells of {half['cell']:.2g} m and about {duration_text(half['processor'])}."
+    return text
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
