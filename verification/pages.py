@@ -25,9 +25,9 @@ from verification.targets import MEASURING
 from workflow.strict_yaml import read_yaml
 
 PAGES = ROOT / "docs" / "studies"
-CORES = {"benchmarks": "2"}  # That Snakemake is given for a measuring study; all for the others.
+CORES = {"benchmarks": "2", "economies": "1"}  # That Snakemake is given for a measuring study; all for the others.
 # Files of config/verification whose runs stand in one of those tables.
-POINTS_OF = ("tradeoff_", "spread_", "times_", "scale_")
+POINTS_OF = ("tradeoff_", "spread_", "times_", "scale_", "economies_")
 INDEX = "index"
 BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)", re.DOTALL)
 MADE = re.compile(r"Made on \S+ at commit `([^`]+)`")

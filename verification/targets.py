@@ -20,6 +20,7 @@ from workflow.folders import NAME
 from workflow.mine import Mine
 from workflow.result_files import stage_results
 from workflow.stages import package_hash
+from workflow.strict_yaml import read_yaml
 
 
 class Studies:
@@ -44,6 +45,11 @@ class Studies:
         """The file of a study."""
         return f"{self.folder}/{name}.yaml"
 
+    def sources(self, name: str) -> list[str]:
+        """Files that a study is read from: its own, and that of the mine that it takes its scene from."""
+        mine = read_yaml(self.file(name)).get("scene_from")
+        return [self.file(name), *([os.path.normpath(self.folder / mine)] if mine else [])]
+
     def mine_at(self, place: str) -> Mine:
         """Configuration of the variant whose folder is results/<place>. Ends the run in one line if there is none."""
         _, name, variant = place.split("/")
@@ -59,6 +65,10 @@ class Studies:
     def named(self, start: str) -> list[str]:
         """Names of all studies that begin like this, none of which is read."""
         return sorted(path.stem for path in self.folder.glob(f"{start}*.yaml"))
+
+    def variants(self, start: str) -> list[str]:
+        """Studies that begin like this, each with each of its variants, as names of cases: <study>-<variant>."""
+        return [f"{name}-{variant}" for name in self.named(start) for variant in self.read(name).mines]
 
     def verified(self) -> list[str]:
         """Names of the studies that the target `verification` runs."""
@@ -139,6 +149,13 @@ MEASURING = {  # By the name of the target.
         tables=("growth", ARRAYS),
         numerics=("catalogs",),
     ),
+    # What each economy saves, off against on, one at a time.
+    "economies": Measuring(
+        lambda cases: cases.studies.variants("economies_"),
+        memory=12000,
+        tables=("savings",),
+        numerics=("catalogs",),
+    ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000),
     # The numerics driven until they break, one setting at a time.
@@ -201,6 +218,8 @@ class Cases:
             return list(dict.fromkeys([*self.smaller(wildcards.case), *previous]))
         if wildcards.target == "stability" or wildcards.case in (*DRAWN, ARRAYS):
             return []
+        if wildcards.target == "economies":
+            return self.studies.sources(wildcards.case.partition("-")[0])
         return [*self.studies.results_of([wildcards.case]), self.studies.file(wildcards.case)]
 
     def smaller(self, name: str) -> list[str]:

@@ -36,6 +36,7 @@ RESERVED = (
     "catalog_spread",
     "mine_times",
     "scale",
+    "economies",
     "calibration_truth",
 )  # folders of results
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff
