@@ -13,6 +13,7 @@ snakemake --cores all tradeoff                                     speed against
 snakemake --cores all stability                                    the numerics driven until they break
 snakemake --cores all mine_times                                   what a mine costs, by cells and steps
 snakemake --cores all scale                                        how time and memory grow with a mine
+snakemake --cores all foreseen                                     what quotes foresee beside what runs take
 snakemake --cores 1 economies                                      what each economy saves, off against on
 snakemake --cores all catalog_spread                               what a catalogue's spread consists of
 snakemake --cores all calibration_truth                            the demo's calibration on known truth

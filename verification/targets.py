@@ -13,6 +13,7 @@ from snakemake.iocontainers import Wildcards
 from common.errors import InputError
 from verification.benchmarks.settings import Settings, read_settings
 from verification.calibration_truth.settings import TERMS
+from verification.foreseen import CASES as FORESEEN
 from verification.scale import ARRAYS, DRAWN
 from verification.stability import KEYS, SEVERAL_SEEDS
 from verification.studies import Study, load_study
@@ -156,6 +157,10 @@ MEASURING = {  # By the name of the target.
         tables=("savings",),
         numerics=("catalogs",),
     ),
+    # What quotes foresee beside what runs take.
+    "foreseen": Measuring(
+        lambda cases: list(FORESEEN), memory=8000, tables=("held",), numerics=("catalogs", "workflow")
+    ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000),
     # The numerics driven until they break, one setting at a time.
@@ -216,7 +221,7 @@ class Cases:
                 sys.exit(f"config/benchmarks.yaml: asks for no case {wildcards.case}; there are {', '.join(names)}")
             previous = self.files("benchmarks")[: names.index(wildcards.case)][-1:]
             return list(dict.fromkeys([*self.smaller(wildcards.case), *previous]))
-        if wildcards.target == "stability" or wildcards.case in (*DRAWN, ARRAYS):
+        if wildcards.target in ("stability", "foreseen") or wildcards.case in (*DRAWN, ARRAYS):
             return []
         if wildcards.target == "economies":
             return self.studies.sources(wildcards.case.partition("-")[0])

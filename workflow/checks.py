@@ -37,6 +37,7 @@ RESERVED = (
     "mine_times",
     "scale",
     "economies",
+    "foreseen",
     "calibration_truth",
 )  # folders of results
 MAX_POISSON_SHARED_CELL = 0.49  # where particles share a cell, rock of a larger ratio is far too stiff

@@ -1,0 +1,162 @@
+"""The study of quotes: a case for each mine, a row for each size of its cells, foreseen beside found.
+
+No mine of it has made the numbers of workflow.quote, except that study scale has runs of demo and renison_scale. Quote
+and run take one process and one core: on a busy machine processor time of several says little.
+"""
+
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from catalogs.figures import style
+from common.costs import COMPILING, processor_time
+from mpm_core.simd.threads import use_threads
+from verification.comparisons import released_potency
+from verification.foreseen import MINES
+from verification.frame import CaseResults, Inputs, MeasuringStudy
+from verification.page_tables import Columns
+from verification.studies import FOLDER, load_study
+from workflow import BASE
+from workflow.configuration import load_mine
+from workflow.mine import Mine
+from workflow.quote import REPORT_SECONDS, Quotes, quote_slice, quote_source
+from workflow.run_mine import run_stages
+
+SIZES, TRUTH = ("standard", "fine"), "finest"  # Variants of a mine of study openings.
+NEAR, FAR, NEAR_MEMORY = 1.5, 2.0, 1.3  # Factors between foreseen and found within which a quote is to be.
+HELD = "held"  # Name of the table of shares of quotes within these.
+COLUMNS = (
+    *("mine", "finest_cell_m", "pilot_cell_m", "quote_s", "foreseen_s", "took_s", "foreseen_over_took"),
+    *("foreseen_cells", "cells", "foreseen_MB", "memory_MB", "stated_error", "potency_error", "volume_error"),
+)
+
+
+def measure_case(name: str, inputs: Inputs, threads: int) -> list[dict]:
+    """Rows of a mine, on the largest cells first: so the largest memory of the process is always that of the last run.
+
+    The error that is found is that against the truth, in ln; NaN where there is none.
+    """
+    use_threads(1)
+    rows, answers = [], []
+    for mine in mines_of(name):
+        before = _running()
+        quotes = Quotes(quote_slice(mine) | {"companion": False, "members": 0}, quote_source(), 1)
+        one, between = quotes.at(mine.finest_cell), _running()
+        cells, *answer = run(mine)
+        answers.append(answer)
+        rows.append(
+            {
+                "mine": name.removeprefix("mine_"),
+                "finest_cell_m": mine.finest_cell,
+                "pilot_cell_m": quotes.pilot.cell,
+                "quote_s": between - before,
+                "foreseen_s": one.processor - REPORT_SECONDS,
+                "took_s": _running() - between,
+                "foreseen_cells": one.end,
+                "cells": cells,
+                "foreseen_MB": one.memory / 1e6,
+                "memory_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
+                "stated_error": float(np.log1p(one.error)),
+            }
+        )
+    truth = [np.nan, np.nan]
+    if name not in MINES:
+        _, *truth = run(load_study(FOLDER / "openings.yaml").mines[f"{name}_{TRUTH}"])
+    for row, answer in zip(rows, answers, strict=True):
+        row["potency_error"], row["volume_error"] = np.abs(np.log(np.divide(answer, truth))).tolist()
+    return rows
+
+
+def mines_of(name: str) -> Iterator[Mine]:
+    """The mine of a case on cells of each size."""
+    if name in MINES:
+        file, sizes = MINES[name]
+        for size in sizes:
+            mine = load_mine(BASE / f"config/mines/{file}.yaml")
+            mine.change("grid", levels=mine.settings.grid.levels + round(np.log2(mine.finest_cell / size)))
+            yield mine
+    else:
+        study = load_study(FOLDER / "openings.yaml")
+        yield from (study.mines[f"{name}_{size}"] for size in SIZES)
+
+
+def run(mine: Mine) -> tuple[int, float, float]:
+    """Run the mechanics of a mine: cells at the end, potency and failed volume (m3) of all steps."""
+    cells, potency, volume = 0, 0.0, 0.0
+    with TemporaryDirectory() as folder:
+        for stage, state, facts in run_stages(mine.run_slices([]), Path(folder) / "failed.npz"):
+            if stage.startswith("steps/"):
+                cells = facts["cells"]
+                potency += released_potency(state)
+                volume += facts["failed_volume"]
+    return cells, potency, volume
+
+
+def _running() -> float:
+    return processor_time() - COMPILING.seconds
+
+
+def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
+    """The table of all runs, and that of the shares of quotes that are near."""
+    table = pd.DataFrame([row for rows in results.values() for row in rows])
+    table["foreseen_over_took"] = table["foreseen_s"] / table["took_s"]
+    return {"table": table[list(COLUMNS)], HELD: held(table)}
+
+
+def held(table: pd.DataFrame) -> pd.DataFrame:
+    """Shares of quotes within factors of what was found, and of errors within what was stated."""
+    time = np.abs(np.log(table["foreseen_over_took"]))
+    memory = np.abs(np.log(table["foreseen_MB"] / table["memory_MB"]))
+    stated = table[np.isfinite(table["stated_error"]) & np.isfinite(table["potency_error"])]
+    largest = stated[["potency_error", "volume_error"]].max(axis=1)
+    both = pd.concat([stated["potency_error"], stated["volume_error"]])
+    limits = pd.concat([stated["stated_error"]] * 2)
+    rows = [
+        (f"time within a factor of {NEAR:g}", len(table), float(np.mean(time <= np.log(NEAR)))),
+        (f"time within a factor of {FAR:g}", len(table), float(np.mean(time <= np.log(FAR)))),
+        (f"memory within {100 * (NEAR_MEMORY - 1):.0f} %", len(table), float(np.mean(memory <= np.log(NEAR_MEMORY)))),
+        ("error of potency, or of failed volume, within the stated one", len(both), float(np.mean(both <= limits))),
+        (
+            "stated error at most twice the larger of both",
+            len(stated),
+            float(np.mean(stated["stated_error"] <= 2.0 * largest)),
+        ),
+    ]
+    return pd.DataFrame(rows, columns=["what", "quotes", "share"])
+
+
+def figures(results: CaseResults) -> dict[str, Figure]:
+    """Time and memory, foreseen against found."""
+    table = tables(results)["table"]
+    figure = style.new_figure(height=3.2)
+    pairs = (
+        ("took_s", "foreseen_s", "processor time (s)", FAR),
+        ("memory_MB", "foreseen_MB", "memory (MB)", NEAR_MEMORY),
+    )
+    for panel, (found, foreseen, title, factor) in zip(figure.subplots(1, 2), pairs, strict=True):
+        ends = np.array([table[[found, foreseen]].min().min(), table[[found, foreseen]].max().max()]) * [0.8, 1.25]
+        panel.fill_between(ends, ends / factor, ends * factor, color="#e8e8e8", linewidth=0, label=f"factor {factor:g}")
+        panel.loglog(ends, ends, color=style.OUTLINE, linewidth=0.8)
+        panel.loglog(table[found], table[foreseen], "o", color="#0072b2", markersize=4)
+        panel.set_xlim(ends)
+        panel.set_xlabel(f"{title}, found")
+        panel.set_ylabel("foreseen")
+        panel.legend(fontsize=7, loc="upper left")
+    return {"figure": figure}
+
+
+STUDY = MeasuringStudy(
+    measure_case,
+    tables,
+    figures,
+    shown=(
+        Columns("Shares of quotes", ("what", "quotes", "share"), file=HELD),
+        Columns("Each mine on cells of each size (errors in ln)", COLUMNS),
+    ),
+    names=("mine", "finest_cell_m"),
+)
