@@ -55,20 +55,22 @@ class _Panel:
 
 
 def write_overview(
-    grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None, path: Path, note: str = ""
+    grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None, path: Path, notes: Sequence[str] = ()
 ) -> None:
     """Write the picture as PNG; arguments as for `overview`."""
     with style.applied():
-        figure = overview(grid, steps, record, note)
+        figure = overview(grid, steps, record, notes)
         with atomic_path(path) as temporary:
             figure.savefig(temporary, format="png", dpi=PICTURE_DOTS_PER_INCH, metadata={"Software": None})
 
 
-def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None, note: str = "") -> Figure:
+def overview(
+    grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | None, notes: Sequence[str] = ()
+) -> Figure:
     """Sections along and across the openings, and a plan: cells cut through them, all solids and events as seen along
     the same direction. The domain is beside them.
 
-    steps: in order, or their values; what none of them mines is planned. note: sentence on a record that is not drawn.
+    steps: in order, or their values; what none of them mines is planned. notes: sentences beside the picture.
     """
     steps = [MinedStep.of(step) for step in steps]
     names = json.loads(grid.attrs["excavation_names"])
@@ -99,7 +101,7 @@ def overview(grid: xr.Dataset, steps: Sequence[MinedStep], record: xr.Dataset | 
             rasterized=True, scalex=False, scaley=False,
         )  # fmt: skip
         written |= set(write_names(axes, bodies_named(candidates, order, curves), NAME_SIZE, most_beside=MAX_BESIDE))
-    notes = [note] if note else []
+    notes = list(notes)
     if len(written) < len(names):
         count = f"{len(written)} of {len(names)} openings are named"
         notes.insert(0, f"{count}, first those of the last step, then the largest.")

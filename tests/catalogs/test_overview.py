@@ -96,7 +96,7 @@ def test_it_is_zoomed_on_the_openings_which_are_named_and_the_domain_is_an_inset
 
 
 def test_a_record_that_is_not_drawn_is_told_and_of_many_openings_the_picture_says_how_many_it_names(grid):
-    figure = overview(grid, MINED, None, "The record is not drawn, since it cannot be read: $events.csv$")
+    figure = overview(grid, MINED, None, ["The record is not drawn, since it cannot be read: $events.csv$"])
     assert texts(figure)[0].replace("\n", " ") == "The record is not drawn, since it cannot be read: $events.csv$"
     many = grid.assign_attrs(excavation_names=json.dumps([f"an opening of a long name {n}" * 12 for n in range(4)]))
     figure = overview(many, [], None)

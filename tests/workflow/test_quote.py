@@ -18,6 +18,7 @@ from workflow.configuration import load_mine
 from workflow.mine_settings import AccuracyRequest
 from workflow.pilot import Pilot, PilotStep, pilot_slices
 from workflow.quote import Quotes, choose, quote_slice, text_of
+from workflow.stages.requests import quote_of
 
 FLAT = Path(__file__).parents[1] / "golden/mines/flat.yaml"
 FOUND = Pilot(4.0, 1000, 1.0, 2.0, (PilotStep("history", 1200, 3.0), PilotStep("2019-08", 2000, 10.0)), 4.0)
@@ -238,6 +239,11 @@ def test_the_target_prints_the_table_and_a_request_says_which_cells_follow(tmp_p
     assert (folder / "quote.txt").read_text() in text
     values = json.loads((tmp_path / "logs" / "tiny" / "quote.json").read_text())
     assert values["own"]["start"] == cells_at_start(load_mine(file).grid_slice())
+    (said,) = quote_of(tmp_path / "logs" / "tiny", 5.0)
+    assert said.startswith("On cells of 5 m with ")
+    assert " GB, error of potency and failed volume " in said
+    assert quote_of(tmp_path / "logs" / "tiny", 2.5) == []
+    assert quote_of(None, 5.0) == []
     status, text = snakemake(file, tmp_path, "--dry-run", "--config", "accuracy={memory: 0.1 GB}")
     assert status
     assert "accuracy: not to be had" in text

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from workflow.mine import Mine
 
 
-@stage("catalogs", settings=lambda mine, wildcards: mine.picture_slice())
+@stage("catalogs", modules=("workflow.quote",), settings=lambda mine, wildcards: mine.picture_slice())
 def scene(job: Job) -> None:
     """A picture of what will be solved: cells, solids, record."""
     from catalogs.figures.overview import write_overview
@@ -27,11 +27,28 @@ def scene(job: Job) -> None:
             record = read_record(job.settings["record"])
         except InputError as error:
             mistakes = str(error)
-    note = f"The record is not drawn: {mistakes}" if mistakes else ""
-    if note:
+    notes = [f"The record is not drawn: {mistakes}"] if mistakes else []
+    for note in notes:
         logging.warning(note)
+    notes += quote_of(job.logs, float(grid.attrs["fine_cell"]))
     steps = PictureSlice.of({"steps": job.settings["steps"]}).steps
-    write_overview(grid, steps, record, job.output(), note)
+    write_overview(grid, steps, record, job.output(), notes)
+
+
+def quote_of(logs: Path | None, cell: float) -> list[str]:
+    """What `snakemake quote` foresaw for finest cells of this size (m), as a sentence; none where nobody asked."""
+    import json
+    import math
+
+    from workflow.quote import Quote
+
+    try:
+        kept = json.loads(((logs or Path()) / "quote.json").read_text(encoding="utf-8"))
+        one = Quote(**kept["own"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    told = f"On cells of {cell:.3g} m with {kept['cores']} core{'s' * (kept['cores'] > 1)}, {one.text()}."
+    return [told] if math.isclose(one.cell, cell) else []
 
 
 def quote_settings(mine: "Mine") -> dict:
