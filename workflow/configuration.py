@@ -93,13 +93,15 @@ def load(
         raise InputErrors(lines)
     if isinstance(request, AccuracyRequest):
         try:
-            return on_requested_cells(mine, request)
+            return on_requested_cells(mine, request, mine_file)
+        except InputErrors:  # of the file on those cells
+            raise
         except InputError as error:
-            raise InputErrors(f"{mine_file}: {line}" for line in error.lines) from error
+            raise InputErrors([f"{mine_file}: {error}"]) from error
     return mine
 
 
-def on_requested_cells(mine: Mine, request: AccuracyRequest) -> Mine:
+def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) -> Mine:
     """The mine with the grid that a request asks for, as if its file gave that. Raises InputError where it cannot."""
     from common.kernel_cache import use_numba_cache
 
@@ -116,7 +118,7 @@ def on_requested_cells(mine: Mine, request: AccuracyRequest) -> Mine:
         written |= {"coarse_cell": f"{grid.coarse_cell:.15g} m", "levels": levels}
     else:
         written |= {"finest_cell": f"{cell:.15g} m"}
-    found = load(mine.text | {"grid": written}, mine.folder / "mine.yaml", mine.default)
+    found = load(mine.text | {"grid": written}, mine_file, mine.default)
     found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {quotes.at(found.finest_cell).text()}"
     return found
 
