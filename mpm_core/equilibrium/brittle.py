@@ -18,6 +18,7 @@ from mpm_core.model.model import Model
 from mpm_core.model.state import HOURGLASS, OVERSHOOT, SEISMIC, State
 
 CENTER = np.empty((0, 6))  # In place of changes of stress: rock is judged at the centre of its cell.
+MIN_GAIN_SHARE = 1e-9  # Energy that a drop gains, as a share of squared stress over shear modulus; less is round-off.
 CANDIDATES_AT_ONCE = 1 << 18  # Changes of stress of so many particles are held at once.
 
 
@@ -130,9 +131,39 @@ def weakest(model: Model, state: State, brittle: Brittle, candidates: np.ndarray
 
 
 def fail(body: Body, brittle: Brittle, particles: np.ndarray, step: int, increment: int, generation: int) -> None:
-    """Drop these particles of a body to residual strength and release the hourglass force of their cells."""
+    """Drop these particles of a body to residual strength and release the hourglass force of their cells.
+
+    Rock that would gain energy by the strains of a drop at the front has those of a drop at its centre instead.
+    """
     model, state = body.model, body.state
-    energy, to_front = np.empty((len(particles), 2)), stress_to_front(model, state, brittle, particles)
+    to_front = stress_to_front(model, state, brittle, particles)
+    near = np.flatnonzero(to_front.any(axis=1))
+    before = state.stress[particles[near]]
+    energy = _drop(model, state, particles, to_front)
+    shear = model.elastic_constants[model.particles.material[particles[near]], 1]
+    size = np.sum((before + model.insitu[particles[near]]) ** 2, axis=1) / shear
+    gains = np.flatnonzero(energy[near].sum(axis=1) < -MIN_GAIN_SHARE * size)
+    if len(gains):
+        again = near[gains]
+        state.stress[particles[again]], to_front[again] = before[gains], 0.0
+        energy[again] = _drop(model, state, particles[again], to_front[again])
+    # Strains of a drop at the front may do work against the stress of the centre: one part makes up for the other.
+    total, front = energy.sum(axis=1), to_front.any(axis=1)
+    energy[front, 0] = np.clip(energy[front, 0], np.minimum(total[front], 0.0), np.maximum(total[front], 0.0))
+    energy[front, 1] = total[front] - energy[front, 0]
+    state.failed[particles] = step
+    state.failure_order[particles] = increment, generation
+    for entry, part in zip((OVERSHOOT, SEISMIC), energy.T, strict=True):
+        dissipate(state, entry, part * body.volume[particles])
+    cells = np.unique(model.particles.cell[particles])
+    state.energy[HOURGLASS] += float(hourglass_energies(state.hourglass_force[cells], body.hourglass[cells]).sum())
+    state.hourglass_force[cells] = 0.0
+
+
+def _drop(model: Model, state: State, particles: np.ndarray, to_front: np.ndarray) -> np.ndarray:
+    """Drop particles (k,) to residual strength, with the strains of a drop where stress is larger by to_front (k, 6)
+    Pa. Returns what overshoot and seismic strain dissipate, (k, 2) J/m3."""
+    energy = np.empty((len(particles), 2))
     make_drop(model.law)(
         particles,
         state.stress,
@@ -147,14 +178,4 @@ def fail(body: Body, brittle: Brittle, particles: np.ndarray, step: int, increme
         to_front,
         energy,
     )
-    # Strains of a drop at the front may do work against the stress of the centre: one part makes up for the other.
-    total, front = energy.sum(axis=1), to_front.any(axis=1)
-    energy[front, 0] = np.clip(energy[front, 0], np.minimum(total[front], 0.0), np.maximum(total[front], 0.0))
-    energy[front, 1] = total[front] - energy[front, 0]
-    state.failed[particles] = step
-    state.failure_order[particles] = increment, generation
-    for entry, part in zip((OVERSHOOT, SEISMIC), energy.T, strict=True):
-        dissipate(state, entry, part * body.volume[particles])
-    cells = np.unique(model.particles.cell[particles])
-    state.energy[HOURGLASS] += float(hourglass_energies(state.hourglass_force[cells], body.hourglass[cells]).sum())
-    state.hourglass_force[cells] = 0.0
+    return energy

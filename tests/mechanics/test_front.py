@@ -10,6 +10,7 @@ from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import fail, find_brittle, new_failures, stress_to_front
 from mpm_core.equilibrium.front import REACH, front_of
 from mpm_core.grid.adjacency import face_neighbors
+from mpm_core.model.state import GAINED, SEISMIC
 
 CELL = 2.0
 PERFECT = COULOMB | {key: {"intact": COULOMB[key]["intact"], "residual": COULOMB[key]["intact"]}
@@ -152,6 +153,28 @@ def test_rock_below_its_strength_at_the_centre_fails_by_the_stress_at_the_front_
     np.testing.assert_allclose(state.overshoot_strain[row] + state.seismic_strain[row], lost, atol=1e-12)
     assert max(overstress(*one, model.residual_rows[0]) for one in after) <= 1.0  # Pa
     assert state.seismic_strain[row, 2].max() < -0.1 * model.intact_rows[0][2] / (2.0 * shear)
+
+
+def test_no_drop_gains_energy(model):
+    """In rock without cohesion that dilates, the strains of the drop at this front do work against the pressure at the
+    centre. The drop is then that of the centre."""
+    host = COULOMB | {"friction_angle": {"intact": 35.0, "residual": 25.0}}
+    host |= {"dilation_angle": {"intact": 28.0, "residual": 22.0}}
+    host |= {key: {"intact": 0.0, "residual": 0.0} for key in ("cohesion", "tension_cutoff")}
+    model = wall(model.dimension, host)
+    state, brittle = model.virgin_state(), brittle_of(model)
+    at_wall = (model.particles.position[:, 0] < 8.0)[:, None]
+    own, behind = np.array([-0.3, -0.3, -0.1, 0.0, 0.0, 0.2]), np.array([-1.8, -1.7, -1.6, 0.0, 0.0, -1.2])
+    state.stress[:] = 1e6 * np.where(at_wall, own, behind) - model.insitu
+    row = np.flatnonzero(at_wall[:, 0] & (model.volumes(0) > 0.0))
+    assert stress_to_front(model, state, brittle, row).any(axis=1).all()
+    fail(Body(model, state, model.volumes(0)), brittle, row, 0, 1, 0)
+    assert state.energy[GAINED] == 0.0
+    assert state.energy[SEISMIC] > 0.0
+    after = state.stress[row] + model.insitu[row]
+    lame, shear = model.elastic_constants[0]
+    lost = np.stack(strain_from_stress(lame, shear, *(1e6 * own - after).T), axis=1)
+    np.testing.assert_allclose(state.overshoot_strain[row] + state.seismic_strain[row], lost, atol=1e-12)
 
 
 IMAGES = {  # The place of a point, and the order and sign of stress components there.
