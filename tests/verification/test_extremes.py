@@ -3,7 +3,7 @@
 import pytest
 
 from verification.extremes.mines import random_mine
-from verification.extremes.outcomes import ENDED, FAULTS, Outcome, run
+from verification.extremes.outcomes import ENDED, FAULTS, Outcome, faults, run
 from verification.extremes.relations import RELATIONS, compare, is_rest
 
 
@@ -11,6 +11,19 @@ from verification.extremes.relations import RELATIONS, compare, is_rest
 def test_a_scene_at_the_extremes_rests_or_says_in_one_line_why_not(seed, tmp_path):
     outcome = run(random_mine(seed), tmp_path)
     assert outcome.kind not in FAULTS, outcome.message
+
+
+def test_a_distorted_cell_is_rock_by_its_volume_and_not_by_its_samples(tmp_path):
+    """In this mine a cell with half of its samples, but less than half of its volume, holds rock above its strength: it
+    may fail only next to failed rock. In a cell that is rock by half the same stress is a fault."""
+    values = random_mine(337)
+    outcome = run(values, tmp_path)
+    assert outcome.kind not in FAULTS, outcome.message
+    state = outcome.state("second")
+    whole = (state.volume.values > 0.0) & (state.failed.values < 0) & (state.excavation.values < 0)
+    whole &= state.volume.values > 0.9 * state.cell_size.values[state.cell.values] ** 3
+    state.stress.values[whole] *= 100.0
+    assert any("above its strength" in fault for fault in faults(values, outcome.stored["grid"], state))
 
 
 @pytest.mark.parametrize("relation", RELATIONS)

@@ -11,9 +11,8 @@ import xarray as xr
 import yaml
 
 from common.errors import InputError
-from mpm_core.files.state_datasets import read_grid, read_pieces
-from mpm_core.geometry.inside import SAMPLES_PER_CELL
-from mpm_core.grid.adjacency import holding_cells
+from mpm_core.files.state_datasets import read_edge_nodes, read_grid
+from mpm_core.grid.distorted_cells import distorted_cells
 from verification.scenes import value_of
 from verification.studies import default_settings, for_verification, merge
 from workflow.configuration import load
@@ -23,6 +22,7 @@ RESTS, REFUSED, ENDED, BROKEN, HANGS, WRONG = "at rest", "refused", "ended", "tr
 FAULTS = (BROKEN, HANGS, WRONG)
 MAX_SCENE_SECONDS = 120  # Processor time of a scene above which it counts as hanging.
 LAST = "last"  # Stands for the state at the end.
+MIN_ROCK_SHARE = 0.5  # Of a cell whose rock may fail by itself; of less only next to failed rock.
 MAX_OVERSTRESS_SHARE = 1e-3  # A stored stress may exceed strength by this share of strength and stress.
 
 
@@ -121,15 +121,22 @@ def faults(values: dict, grid: xr.Dataset, state: xr.Dataset) -> list[str]:
     return found
 
 
+def _rock_share(grid: xr.Dataset, state: xr.Dataset) -> np.ndarray:
+    """Share (cell,) of the volume of each cell of a state that is rock. Cells at edges of openings are no cubes."""
+    cells, nodes = read_grid(state)[0], read_edge_nodes(grid)
+    distorted = distorted_cells(cells, nodes.place, nodes.shift)
+    number = np.arange(len(cells.cell_level))
+    full = cells.cell_size**cells.dimension * distorted.volumes(number) * float(state.attrs["thickness"])
+    rock = np.where(state.excavation.values < 0, state.volume.values, 0.0)
+    return np.bincount(state.cell.values, rock, minlength=len(number)) / full
+
+
 def _above_strength(values, grid, state, present, failed):
-    """Yield a line for each rock above its strength: intact rock in whole finest cells, and failed rock."""
+    """Yield a line for each rock above its strength: intact rock in finest cells that are rock by half, and failed
+    rock. In other cells rock fails only next to failed rock."""
     names = yaml.safe_load(state.attrs["material_names"])
     level = state.cell_level.values[state.cell.values]
-    share = np.ones(state.sizes["cell"])
-    pieces = read_pieces(grid)
-    mined = np.bitwise_count(pieces.samples) / SAMPLES_PER_CELL
-    np.subtract.at(share, holding_cells(read_grid(state)[0], pieces.place), mined)
-    whole = (level == level.max()) & (share[state.cell.values] >= 0.5)
+    whole = (level == level.max()) & (_rock_share(grid, state)[state.cell.values] >= MIN_ROCK_SHARE)
     rock_here = present & (state.excavation.values < 0)
     tensor = state.stress.values[:, [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(-1, 3, 3)
     for number, material in enumerate(names):
