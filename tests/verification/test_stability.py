@@ -1,7 +1,7 @@
 """The numerics at their limits: some of each knob, judges, balances, the table; all: ``snakemake stability``."""
 
 import itertools
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -100,6 +100,17 @@ def test_a_wrong_answer_fails_unless_it_is_known_and_no_worse_than_that():
     assert [point.kind for point in points] == [WRONG] * 3
     assert [point.passed for point in points] == ["no", "known miss", "no"]
     assert points[1].known == "so it is"
+
+
+def test_energy_that_is_lacking_is_known_to_its_size():
+    """Explicit steps in single precision: right to the last digits, with an energy balance that is not."""
+    case = next(case for case in BY_KEY["float32"].cases() if (case.series, case.value) == ("tunnel, explicit", 1e-9))
+    assert case.known is not None
+    points = points_of(case, replace(case, known=replace(case.known, at_most=1e-6)), replace(case, known=None))
+    assert [point.kind for point in points] == [WRONG] * 3
+    assert [point.passed for point in points] == ["known miss", "no", "no"]
+    assert points[0].error < 1e-5
+    assert "the energy balance lacks" in points[0].message
 
 
 def test_a_solution_that_ends_is_told_from_a_refusal():

@@ -39,8 +39,9 @@ class Point:
     """A case and its result.
 
     error: by its judge, NaN where there is none or nothing to judge. known: why the case is wrong, where that is known.
-    passed: "no" where the target must fail for it, "known miss" where it is no worse than is known. seconds: processor
-    time. mass (kg), momentum_error (share), net_force (N), energy_left_share: the largest of all states.
+    passed: "no" where the target must fail for it, "known miss" where neither its error nor the energy that its balance
+    leaves over is more than is known. seconds: processor time. mass (kg), momentum_error (share), net_force (N),
+    energy_left_share: the largest of all states.
     """
 
     knob: str
@@ -139,11 +140,12 @@ def balances_of(outcome: Outcome) -> dict[str, float]:
 
 
 def _point(knob: Knob, case: Case, kind: str, error: float, message: str, facts: dict, seconds: float) -> Point:
+    facts = dict.fromkeys(BALANCES, math.nan) | facts
+    lacks = facts["energy_left_share"]  # NaN where there is none
     known = case.known.cause if case.known and kind == WRONG else ""
     passed = VERDICTS[kind not in (WRONG, FAULT)]
-    if kind == WRONG and case.known and error <= case.known.at_most:
+    if kind == WRONG and case.known and error <= case.known.at_most and not lacks > case.known.at_most:
         passed = KNOWN_MISS
-    facts = dict.fromkeys(BALANCES, math.nan) | facts
     return Point(
         knob.key, case.series, case.value, kind, error, case.allowed, message, known, passed, round(seconds, 2), **facts
     )

@@ -88,6 +88,13 @@ HALF_WAY = KnownMiss(
     "wide. The grid says by how much its volume is off.",
     0.25,
 )
+LOST_DIGITS = KnownMiss(
+    "Explicit steps in single precision only: what a step adds below the last digit of stress or displacement is lost. "
+    "After hundreds of steps the two do not belong together, and the energy balance lacks more than the round-off of "
+    "double precision.",
+    3e-6,
+)
+MANY_STEPS_TOLERANCE = 2e-7  # Below it explicit steps are so many that lost digits add up.
 WALL_OFFSETS = (0.0, 1e-12, 1e-6, 0.125, 0.25, 0.5, 0.75, 1.0 - 1e-12)  # Shares of a cell. Particles lie at 0.5.
 
 
@@ -170,7 +177,8 @@ def float32() -> Iterator[Case]:
         solver = {"tolerance": 10.0**power, "scheme": "multigrid", "max_iterations": 5000}
         for scheme in ("multigrid", "explicit"):
             scene = hole(solver=solver | {"scheme": scheme})
-            yield Case(f"tunnel, {scheme}", 10.0**power, scene, judge, 0.01, known, under=single_precision)
+            lost = LOST_DIGITS if scheme == "explicit" and 10.0**power < MANY_STEPS_TOLERANCE else None
+            yield Case(f"tunnel, {scheme}", 10.0**power, scene, judge, 0.01, known or lost, under=single_precision)
         scene = failing(coulomb(), solver=solver)
         yield front_case("plastic tunnel", 10.0**power, scene, known=known, under=single_precision)
 
