@@ -82,6 +82,15 @@ def test_the_balance_closes_where_rock_fails_and_flows(scheme, host, strain, tmp
     assert facts["energy_released"] == pytest.approx(released)
 
 
+@pytest.mark.parametrize("cut_cells", ["mean", "whole", "subdivide"])
+def test_the_mass_of_a_state_is_that_of_its_particles(cut_cells, tmp_path):
+    """What its step mines does not count."""
+    changes = {"cut_cells": cut_cells}
+    for state, facts in mined(tmp_path, plane="xy", host=HOST, pressure=15e6, fills=(None, None), changes=changes):
+        rock = state.excavation.values < 0
+        assert facts["mass"] == pytest.approx(HOST["density"] * state.volume.values[rock].sum(), rel=1e-9)
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_nothing_is_left_over_however_loosely_rock_rests_between_generations(name, tmp_path):
     """Every kind of rock, wall, load and cell: only round-off at 1e-2 and 1e-4. What was left over of the loose one, up

@@ -111,6 +111,7 @@ def test_what_has_fallen_is_gone_and_is_no_event(fallen):
     before = found[0][0].volume.values[found[0][0].excavation.values < 0].sum()
     mined = 20.0 * 5.0 + 20.0 * 10.0
     assert before - state.volume.values[rock].sum() == pytest.approx(mined + volume, rel=1e-9)
+    assert facts["mass"] == pytest.approx(LOOSE["density"] * state.volume.values[rock].sum(), rel=1e-9)
 
 
 def test_energy_is_balanced_to_round_off_through_falls(fallen):
