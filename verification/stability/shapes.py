@@ -72,7 +72,13 @@ HANGING = KnownMiss(
     0.35,
 )
 ONE_CELL = KnownMiss("An opening of one cell moves as that cell's corners can: two cells across are within 2 %.", 0.35)
-UNLIKE = ("touching at an edge", "one-cell pillars", "a pillar half a cell wide")
+SWAYING = KnownMiss(
+    "Explicit steps only: a pillar of half a cell sways so slowly that forces balance to 1e-5 before it stands. The "
+    "error goes with the tolerance.",
+    1.5e-3,
+)
+SLOW = {"a block on one cell": HANGING, "a pillar half a cell wide": SWAYING}
+UNLIKE = ("touching at an edge", "a block on one cell", "one-cell pillars", "a pillar half a cell wide")
 AT_CORNERS = KnownMiss(
     "Perfectly plastic rock that dilates below its friction may rest in more than one way: where it hangs by a cell or "
     "less the schemes arrive at two of them, at every tolerance (cascade_tolerance 1e-3 to 1e-5).",
@@ -103,8 +109,8 @@ def shapes() -> Iterator[Case]:
     for title, boxes in BOXES.items():
         scene = section(boxes)
         yield Case("beside a tolerance of 1e-9", title, scene, same_motion(tighter), MAX_MOTION_DIFFERENCE)
-        explicit, known = other_scheme(scene), HANGING if title == "a block on one cell" else None
-        yield Case("explicit, beside multigrid", title, explicit, schemes, MAX_MOTION_DIFFERENCE, known)
+        explicit = other_scheme(scene)
+        yield Case("explicit, beside multigrid", title, explicit, schemes, MAX_MOTION_DIFFERENCE, SLOW.get(title))
         crumbs = CRUMBS if title == "a pillar of a tenth of a cell" else None
         yield Case("beside its mirror image", title, scene, mirror_image, MAX_MOTION_DIFFERENCE, crumbs)
         known = ONE_CELL if title == "one cell" else None
