@@ -127,7 +127,7 @@ class EdgeNodes:
 
 class Wishes(NamedTuple):
     """Nodes that may move, in the order in which they are tried: place (n, d), and where each would go, goal (n, d), in
-    finest cells from the origin; batch (n,): corners and edges of one excavation after another."""
+    finest cells from the origin; batch (n,): 0 of corners, 1 of edges."""
 
     place: np.ndarray
     goal: np.ndarray
@@ -164,26 +164,22 @@ def choose_edge_nodes(
 
 
 def _wishes(solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float, shape: np.ndarray) -> Wishes:
-    places: list[np.ndarray] = []
-    goals: list[np.ndarray] = []
-    batches: list[np.ndarray] = []
+    """Wishes of all excavations, in an order that does not depend on theirs."""
+    places, goals = [np.empty((0, len(shape)), np.int64)], [np.empty((0, len(shape)))]
+    batches = [np.empty(0, np.int64)]
     for solid in solids:
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
         corners, segments = ((points - origin) / fine_cell for points in (edges.corners, edges.segments))
-        for pairs in (np.repeat(corners[:, None], 2, axis=1), segments):
+        for batch, pairs in enumerate((np.repeat(corners[:, None], 2, axis=1), segments)):
             pairs = pairs[is_edge(solid, pairs.mean(axis=1), origin, fine_cell)]
             place, goal = _nearest_goals(pairs, shape)
             place, goal = _inside(solid, place, goal, origin, fine_cell)
-            order = np.lexsort((*place.T, np.round(np.linalg.norm(goal - place, axis=1), 9)))
-            places.append(place[order])
-            goals.append(goal[order])
-            batches.append(np.full(len(order), len(batches)))
-    none = np.empty((0, len(shape)))
-    return Wishes(
-        np.concatenate([none.astype(np.int64), *places]),
-        np.concatenate([none, *goals]),
-        np.concatenate([none[:, 0].astype(np.int64), *batches]),
-    )
+            places.append(place)
+            goals.append(goal)
+            batches.append(np.full(len(place), batch))
+    place, goal, batch = (np.concatenate(columns) for columns in (places, goals, batches))
+    order = np.lexsort((*goal.T, *place.T, np.round(np.linalg.norm(goal - place, axis=1), 9), batch))
+    return Wishes(place[order], goal[order], batch[order])
 
 
 @njit(error_model="numpy", cache=True)

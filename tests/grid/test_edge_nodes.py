@@ -52,8 +52,9 @@ def test_a_node_half_a_cell_from_an_edge_goes_onto_it():
     assert (on.sum(axis=1) >= 2).mean() > 0.5
 
 
-def test_the_order_of_excavations_that_do_not_touch_does_not_matter():
-    one, other = box(2.3, 3.1), box(8.6, 4.2)
+@pytest.mark.parametrize("lower", [8.6, 5.1, 4.2], ids=["apart", "near", "crossing"])
+def test_the_order_of_excavations_does_not_matter(lower):
+    one, other = box(2.3, 3.1), box(lower, 4.2)
     first, second = chosen(one, other), chosen(other, one)
     np.testing.assert_array_equal(first.place, second.place)
     np.testing.assert_array_equal(first.shift, second.shift)
