@@ -7,8 +7,9 @@ A pilot on larger cells shows what the first steps take (workflow.pilot). From t
 - Failure spreads cell by cell, so a step takes more cycles on smaller cells: 2^CYCLES_ORDER times as many with half the
   size. A cycle takes time as cells^CELLS_ORDER, since many cells no longer stay in the cache. Other stages take time in
   proportion to their cells.
-- Failed rock has the same thickness in metres. Its thickness in cells gives the error, by the law of study openings
-  (catalogs.compare.cell_error).
+- Failed rock has nearly the same thickness in metres. Its last cell fails as a whole or not at all, so it is thinner on
+  smaller cells, 2^-THICKNESS_ORDER times with half the size. Its thickness in cells gives the error, by the law of
+  study openings (catalogs.compare.cell_error).
 """
 
 import math
@@ -34,6 +35,7 @@ CYCLES_ORDER = 1.25
 CELLS_ORDER = 1.14
 ADDED_ORDER = 2.6
 LATER_SHARE = 0.25
+THICKNESS_ORDER = 0.25
 REPORT_SECONDS = 15.0  # processor time from events to report
 SERIAL_SHARE = 0.4  # of a run's processor time, which one core takes alone
 SIZES = {2.0: "twice as large", 1.0: "as in the file", 0.5: "half as large"}
@@ -139,7 +141,7 @@ class Quotes:
         alone = own * (SERIAL_SHARE + (1.0 - SERIAL_SHARE) / self.cores)
         particles = end * settings["particles_per_cell"]
         memory = stage_bytes(settings["scheme"], settings["dimension"], end, particles, follows=settings["follows"])
-        law = error_at(self.pilot.thickness / cell)
+        law = error_at(self.pilot.thickness / cell * (cell / self.pilot.cell) ** THICKNESS_ORDER)
         error = math.inf if law > MAX_ERROR else math.expm1(law)
         return Quote(cell, round(self.cells_at(cell)), end, memory, whole, max(alone, whole / self.cores), error)
 
@@ -209,7 +211,7 @@ def text_of(quotes: Quotes) -> str:
             )
         )  # fmt: skip
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    tried = " and ".join(step.name for step in pilot.steps)
+    tried = " and ".join(step.name for step in pilot.steps) or "elastic equilibrium"
     lines = [
         f"{settings['name']}: what it takes on this machine with {quotes.cores} core{'s' * (quotes.cores > 1)}, by "
         f"{tried} on cells of {pilot.cell:.3g} m. The error is that of potency and of failed volume.",

@@ -203,17 +203,17 @@ def test_cells_are_counted_as_the_grid_makes_them(accept):
 def test_a_file_with_a_request_is_as_one_with_those_cells(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(quote, "pilot_of", lambda *_: FOUND)
-    asked = load_mine(FLAT, {"grid": {"levels": 3}, "accuracy": {"error": "20 %"}})
+    asked = load_mine(FLAT, {"grid": {"levels": 3}, "accuracy": {"error": "15 %"}})
     assert asked.settings.accuracy == "standard"
     assert asked.requested.startswith("accuracy: cells of 2.5 m; foreseen: ")
     assert asked.grid_slice() == load_mine(FLAT, {"grid": {"levels": 3}}).grid_slice()
     text = yaml.safe_load(FLAT.read_text())
     del text["domain"]
     file = tmp_path / "derived.yaml"
-    file.write_text(yaml.safe_dump(text | {"grid": {"finest_cell": "5 m"}, "accuracy": {"error": "20 %"}}))
+    file.write_text(yaml.safe_dump(text | {"grid": {"finest_cell": "5 m"}, "accuracy": {"error": "15 %"}}))
     derived = load_mine(file)
-    assert derived.finest_cell == pytest.approx(4.9)
-    assert derived.text["grid"]["finest_cell"] == "4.9 m"
+    assert derived.finest_cell == pytest.approx(4.4)
+    assert derived.text["grid"]["finest_cell"] == "4.4 m"
 
 
 @pytest.mark.parametrize(
