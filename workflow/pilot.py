@@ -21,6 +21,8 @@ from workflow.mine import Mine
 MEMORY = Path(".snakemake/pilots")  # next to Snakemake's own notes
 MAX_HALVINGS = 3  # Cells of a pilot are at most 2^3 times as large as the mine's own.
 GROWTH = 6.0  # Time of a pilot over that of the one before, at most of most mines.
+MAX_WARM_SECONDS = 4.0  # A first pilot that takes no longer is run twice.
+MANY_CELLS = 500_000  # of a mine, whose pilots take all cores
 MAX_SECONDS, MAX_SECONDS_PER_CELL = 15.0, 6e-5  # processor time that pilots may take: the larger of both
 
 
@@ -59,7 +61,8 @@ def pilot_slices(mine: Mine) -> list[dict]:
     """Settings of the pilots of a mine, on the largest cells first: its stages as workflow.run_mine takes them, up to
     the first dated step, and the size `cell` of the finest cells, m. None where its cells cannot be larger."""
     pilots: list[dict] = []
-    for _ in range(min(mine.settings.grid.levels - 1, MAX_HALVINGS)):
+    fewest = min(2, mine.settings.grid.levels - 1) if mine.is_adaptive else 1  # of one size, none follow the rock
+    for _ in range(min(mine.settings.grid.levels - fewest, MAX_HALVINGS)):
         mine = mine.coarser()
         dated = next((number for number, name in enumerate(mine.mined_steps) if name in mine.dated_steps), 0)
         slices = mine.run_slices([])
@@ -67,9 +70,11 @@ def pilot_slices(mine: Mine) -> list[dict]:
     return pilots
 
 
-def pilot_of(name: str, pilots: list[dict], cells: int, code: str) -> Pilot:
+def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -> Pilot:
     """The pilot of a mine of this name; pilots: see `pilot_slices`; cells: of the mine's own grid; code: hash of the
-    sources that run it. Raises InputError where it reaches no equilibrium."""
+    sources that run it; cores: of this machine. Raises InputError where it reaches no equilibrium."""
+    from mpm_core.simd.threads import use_threads
+
     digest = hashlib.sha256(json.dumps([pilots, code, _stamps(pilots)], sort_keys=True).encode())
     path = MEMORY / f"{name}_{digest.hexdigest()[:16]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):  # none yet, or no longer whole
@@ -77,8 +82,12 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str) -> Pilot:
         return Pilot(**kept | {"steps": tuple(PilotStep(**step) for step in kept["steps"])})
     log_compilation()  # which counts no time of it
     taken, allowed = 0.0, max(MAX_SECONDS, MAX_SECONDS_PER_CELL * cells)
-    for slices in (pilots[0], *pilots):  # The first one loads libraries and kernels, too, and does not count.
+    # On a busy machine several cores take many times the processor time over few cells, which tells nothing.
+    use_threads(1 if cells < MANY_CELLS else cores)
+    for number, slices in enumerate(pilots):
         found = _run(slices, path.with_suffix(".failed.npz"))
+        if number == 0 and found.seconds < MAX_WARM_SECONDS:  # Most of it was loading libraries and kernels.
+            found = _run(slices, path.with_suffix(".failed.npz"))
         taken += found.seconds
         if taken + GROWTH * found.seconds > allowed:
             break
@@ -105,11 +114,9 @@ def _keep(path: Path, pilot: Pilot) -> None:
 
 def _run(slices: dict, failed: Path) -> Pilot:
     from catalogs.compare.cell_error import failed_thickness
-    from mpm_core.simd.threads import use_threads
     from workflow.derived_domain import quiet
     from workflow.run_mine import run_stages
 
-    use_threads(1)  # On a busy machine several take many times the processor time, which tells nothing.
     seconds, steps, start, thickness = {}, [], 0, np.nan
     before = _running()
     with quiet():  # The mine's own stages will warn.

@@ -120,7 +120,7 @@ class Quotes:
             )
         self.settings, self.cores = settings, cores
         self.cells = {float(cell): cells_at_start(grid) for cell, grid in settings["grids"].items()}
-        self.pilot = pilot_of(settings["name"], settings["pilots"], self.cells[settings["cell"]], code)
+        self.pilot = pilot_of(settings["name"], settings["pilots"], self.cells[settings["cell"]], code, cores)
         self.cells[self.pilot.cell] = self.pilot.start
 
     def cells_at(self, cell: float) -> float:

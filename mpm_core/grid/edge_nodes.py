@@ -170,13 +170,13 @@ def _wishes(solids: list[Solid | Outside], origin: np.ndarray, fine_cell: float,
     for solid in solids:
         edges = sharp_edges(solid.solid if isinstance(solid, Outside) else solid)
         corners, segments = ((points - origin) / fine_cell for points in (edges.corners, edges.segments))
-        for batch, pairs in enumerate((np.repeat(corners[:, None], 2, axis=1), segments)):
+        for number, pairs in enumerate((np.repeat(corners[:, None], 2, axis=1), segments)):
             pairs = pairs[is_edge(solid, pairs.mean(axis=1), origin, fine_cell)]
             place, goal = _nearest_goals(pairs, shape)
             place, goal = _inside(solid, place, goal, origin, fine_cell)
             places.append(place)
             goals.append(goal)
-            batches.append(np.full(len(place), batch))
+            batches.append(np.full(len(place), number))
     place, goal, batch = (np.concatenate(columns) for columns in (places, goals, batches))
     order = np.lexsort((*goal.T, *place.T, np.round(np.linalg.norm(goal - place, axis=1), 9), batch))
     return Wishes(place[order], goal[order], batch[order])

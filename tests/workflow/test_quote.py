@@ -156,20 +156,21 @@ def test_a_pilot_is_run_on_ever_smaller_cells_until_it_takes_long_and_is_kept(mo
 
     monkeypatch.setattr(pilot, "_run", run)
     slices = [{"cell": cell, "grid": {"excavations": [], "rock_bodies": []}} for cell in (16.0, 8.0, 4.0, 2.0)]
-    found = pilot.pilot_of("mine", slices, 100, "code")
+    found = pilot.pilot_of("mine", slices, 100, "code", 1)
     assert ran == [16.0, 16.0, 8.0, 4.0]  # 2 m would take 6 times 2 s beside the 4 s so far
     assert found.cell == 4.0
-    assert pilot.pilot_of("mine", slices, 100, "code") == found
+    assert pilot.pilot_of("mine", slices, 100, "code", 1) == found
     assert len(ran) == 4
-    pilot.pilot_of("mine", slices, 100, "other code")
+    pilot.pilot_of("mine", slices, 100, "other code", 1)
     assert len(ran) == 8
-    assert pilot.pilot_of("mine", slices, 10**6, "third code").cell == 2.0  # a larger mine may take longer
+    assert pilot.pilot_of("mine", slices, 10**6, "third code", 1).cell == 2.0  # a larger mine may take longer
 
 
 def test_a_mine_is_tried_with_its_history_and_first_month_on_larger_cells(monkeypatch, tmp_path):
     mine = load_mine(FLAT, {"grid": {"levels": 3}})
-    (large, doubled) = pilot_slices(mine)
-    assert [large["cell"], doubled["cell"]] == [10.0, 5.0]
+    assert [one["cell"] for one in pilot_slices(load_mine(FLAT))] == [10.0]
+    (doubled,) = pilot_slices(mine)  # without cells of 10 m, which would all be of one size
+    assert doubled["cell"] == 5.0
     assert [step["name"] for step in doubled["steps"]] == ["history", "2019-08"]
     monkeypatch.chdir(tmp_path)
     settings = quote_slice(mine)
