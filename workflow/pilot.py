@@ -80,6 +80,7 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -
     with suppress(OSError, ValueError, TypeError, KeyError):  # none yet, or no longer whole
         kept = json.loads(path.read_text(encoding="utf-8"))
         return Pilot(**kept | {"steps": tuple(PilotStep(**step) for step in kept["steps"])})
+    MEMORY.mkdir(parents=True, exist_ok=True)
     log_compilation()  # which counts no time of it
     taken, allowed = 0.0, max(MAX_SECONDS, MAX_SECONDS_PER_CELL * cells)
     # On a busy machine several cores take many times the processor time over few cells, which tells nothing.

@@ -22,6 +22,7 @@ import numpy as np
 from catalogs.compare.cell_error import MAX_ERROR, MIN_ERROR, error_at
 from common.costs import duration_text
 from common.errors import InputError
+from mpm_core.geometry.thickness import Across
 from mpm_core.settings import MAX_LEVELS
 from mpm_core.stages.grid_stage import cells_at_start
 from mpm_core.stages.stage_memory import stage_bytes, usable
@@ -31,6 +32,8 @@ from workflow.mine_settings import AccuracyRequest
 from workflow.pilot import pilot_of, pilot_slices
 from workflow.stages import stages
 
+# Powers and shares from runs of demo, template and renison_scale on cells of two or three sizes (study scale); study
+# foreseen holds them against other mines.
 CYCLES_ORDER = 1.25
 CELLS_ORDER = 1.14
 ADDED_ORDER = 2.6
@@ -170,9 +173,9 @@ class Quotes:
 
     def narrow(self, cell: float) -> list[str]:
         """Openings that are narrow for cells of a size (m), the narrowest first, as text."""
-        found = {name: (width / cell, needed) for name, (width, needed) in self.settings["across"].items()}
-        short = sorted((across / needed, name) for name, (across, needed) in found.items() if needed > across)
-        return [f"{name} ({found[name][0]:.1f} cells across, of {found[name][1]})" for _, name in short]
+        found = {name: Across(width / cell, needed) for name, (width, needed) in self.settings["across"].items()}
+        narrow = sorted((name for name in found if found[name].is_narrow()), key=lambda name: found[name].cells)
+        return [f"{name} ({found[name].cells:.1f} cells across, of {found[name].needed})" for name in narrow]
 
     def largest(self, suits: Callable[[Quote], bool]) -> float:
         """The largest finest cells (m) that suit, and all smaller ones do; 0 if none do."""
