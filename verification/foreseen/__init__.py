@@ -5,6 +5,5 @@ OPENINGS = ("sphere", "drive_4", "decline", "stope", "turned", "surveyed", "pill
 MINES = {  # Shipped mines: by case, file below config/mines, and sizes of the finest cells, m.
     "mine_template": ("template", (2.5, 1.25)),
     "mine_demo": ("demo", (4.0, 2.0)),
-    "mine_renison_scale": ("renison_scale", (5.0, 2.5)),
 }
 CASES = (*OPENINGS, *MINES)
