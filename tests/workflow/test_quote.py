@@ -224,7 +224,7 @@ def test_a_file_with_a_request_is_as_one_with_those_cells(monkeypatch, tmp_path)
         ({"error": 10}, "accuracy.error: 10 has no unit; write it as text with one, for example '10 %'"),
         ({"error": "0.5 %"}, "accuracy.error: 0.5 % is out of range"),
         ({"time": "20 m"}, "accuracy.time: '20 m' is not convertible to min"),
-        ({"eror": "5 %"}, "accuracy.eror: unknown key; did you mean error?"),
+        ({"errors": "5 %"}, "accuracy.errors: unknown key; did you mean error?"),
         ("grand", "accuracy: 'grand' is not one of draft, standard, fine"),
     ],
 )

@@ -46,9 +46,17 @@ rule quote:
     """Print it, on request."""
     input:
         FILES.own("quote.txt"),
+    log:
+        f"{OWN_LOGS}/quote_printed.log",
     localrule: True
+    conda:
+        "../envs/environment.yaml"
+    threads: 1
+    resources:
+        mem_mb=100,
+        runtime=5,
     shell:
-        "cat {input:q}"
+        "cat {input:q} 2> {log:q}"
 
 
 rule vtk:
