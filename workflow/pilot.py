@@ -73,6 +73,8 @@ def pilot_slices(mine: Mine) -> list[dict]:
 def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -> Pilot:
     """The pilot of a mine of this name; pilots: see `pilot_slices`; cells: of the mine's own grid; code: hash of the
     sources that run it; cores: of this machine. Raises InputError where it reaches no equilibrium."""
+    import numba
+
     from mpm_core.simd.threads import use_threads
 
     digest = hashlib.sha256(json.dumps([pilots, code, _stamps(pilots)], sort_keys=True).encode())
@@ -83,15 +85,19 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -
     MEMORY.mkdir(parents=True, exist_ok=True)
     log_compilation()  # which counts no time of it
     taken, allowed = 0.0, max(MAX_SECONDS, MAX_SECONDS_PER_CELL * cells)
+    before = numba.get_num_threads()
     # On a busy machine several cores take many times the processor time over few cells, which tells nothing.
     use_threads(1 if cells < MANY_CELLS else cores)
-    for number, slices in enumerate(pilots):
-        found = _run(slices, path.with_suffix(".failed.npz"))
-        if number == 0 and found.seconds < MAX_WARM_SECONDS:  # Most of it was loading libraries and kernels.
+    try:
+        for number, slices in enumerate(pilots):
             found = _run(slices, path.with_suffix(".failed.npz"))
-        taken += found.seconds
-        if taken + GROWTH * found.seconds > allowed:
-            break
+            if number == 0 and found.seconds < MAX_WARM_SECONDS:  # Most of it was loading libraries and kernels.
+                found = _run(slices, path.with_suffix(".failed.npz"))
+            taken += found.seconds
+            if taken + GROWTH * found.seconds > allowed:
+                break
+    finally:
+        use_threads(before)
     _keep(path, found)
     return found
 

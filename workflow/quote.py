@@ -223,7 +223,8 @@ def text_of(quotes: Quotes) -> str:
     free = usable()
     if quotes.at(settings["cell"]).memory > free:
         fits = quotes.smallest(lambda one: one.memory <= free)
-        lines.append(f"{free / 1e9:.1f} GB of memory are free: cells of {_rounded(fits, up=True):g} m fit")
+        which = f"cells of {_rounded(fits, up=True):g} m fit" if math.isfinite(fits) else "no cells fit"
+        lines.append(f"{free / 1e9:.1f} GB of memory are free: {which}")
     if narrow := quotes.narrow(settings["cell"]):
         more = f" and {len(narrow) - MAX_NAMED} more" if len(narrow) > MAX_NAMED else ""
         lines.append(
@@ -247,16 +248,17 @@ def _rounded(cell: float, up: bool = False) -> float:
 
 
 def choose(quotes: Quotes, request: AccuracyRequest, doubled: bool) -> float:
-    """Finest cells (m) that a request asks for. doubled: only those of the file, doubled or halved.
+    """Finest cells (m) that a request asks for. doubled: only those of the file, doubled or halved. Without a memory
+    in the request, that which is free counts.
 
     Raises InputError, one line that says what can be had, where there are none.
     """
-    asked = request.given()
+    asked = {"memory": usable() / 1e9} | request.given()
     limits: dict[str, Callable[[Quote], bool]] = {
         "time": lambda one: one.wall <= asked["time"] * 60.0,
         "memory": lambda one: one.memory <= asked["memory"] * 1e9,
     }
-    fit = max((quotes.smallest(limits[key]) for key in limits.keys() & asked.keys()), default=0.0)
+    fit = max(quotes.smallest(limits[key]) for key in limits.keys() & asked.keys())
     own = quotes.settings["cell"]
     if fit == math.inf:
         least = quotes.at(own * MAX_SIZE)

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numba
 import pytest
 import yaml
 from tiny_mines import TINY, box, snakemake, write_mine
@@ -106,9 +107,11 @@ def test_the_text_has_a_line_for_each_size_and_names_narrow_openings(quotes, mon
     assert fits.startswith("0.5 GB of memory are free: cells of ")
     size = float(fits.split()[-3])
     assert quotes().at(size).memory <= 0.46e9 < quotes().at(0.9 * size).memory
+    monkeypatch.setattr(quote, "usable", lambda: 0.1e9)
+    assert text_of(quotes()).splitlines()[-2] == "0.1 GB of memory are free: no cells fit"
 
 
-def test_a_request_is_met_by_cells_that_are_just_small_or_large_enough(quotes):
+def test_a_request_is_met_by_cells_that_are_just_small_or_large_enough(quotes, monkeypatch):
     made = quotes()
     by_error = choose(made, AccuracyRequest.of({"error": 10.0}), False)
     assert made.at(by_error).error <= 0.1 < made.at(1.05 * by_error).error
@@ -119,6 +122,9 @@ def test_a_request_is_met_by_cells_that_are_just_small_or_large_enough(quotes):
     both = choose(made, AccuracyRequest.of({"memory": 1.0, "time": 2.0}), False)
     assert both == max(by_time, by_memory)
     assert choose(made, AccuracyRequest.of({"error": 10.0, "time": 600.0}), False) == by_error
+    monkeypatch.setattr(quote, "usable", lambda: 1e9)  # what is free counts, too
+    assert choose(made, AccuracyRequest.of({"time": 1e6}), False) == by_memory
+    monkeypatch.setattr(quote, "usable", lambda: 1e12)
     for request in ({"error": 10.0}, {"time": 2.0}, {"memory": 1.0}):
         cell = choose(made, AccuracyRequest.of(request), True)
         assert math.log2(cell / 2.0).is_integer()
@@ -173,10 +179,11 @@ def test_a_mine_is_tried_with_its_history_and_first_month_on_larger_cells(monkey
     assert doubled["cell"] == 5.0
     assert [step["name"] for step in doubled["steps"]] == ["history", "2019-08"]
     monkeypatch.chdir(tmp_path)
-    settings = quote_slice(mine)
+    settings, threads = quote_slice(mine), numba.get_num_threads()
     assert json.loads(json.dumps(settings)) == settings
     made = Quotes(settings, "code", 1)
     assert made.pilot.cell == 5.0
+    assert numba.get_num_threads() == threads  # a run that follows in this process takes all of them
     assert made.pilot.start == make_grid(doubled["grid"], {}).sizes["cell"]
     assert [step.name for step in made.pilot.steps] == ["history", "2019-08"]
     assert made.pilot.thickness > 0.0
