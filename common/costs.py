@@ -98,6 +98,11 @@ class Compiling:
 COMPILING = Compiling()  # of this process
 
 
+def running_time() -> float:
+    """Processor time of this process so far, without compiling, s."""
+    return processor_time() - COMPILING.seconds
+
+
 class Clock:
     """Costs of the running stage so far, including those of earlier processes that were killed."""
 

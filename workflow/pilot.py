@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common.costs import COMPILING, processor_time
+from common.costs import running_time
 from common.errors import InputError
 from common.progress import log_compilation
 from workflow.mine import Mine
@@ -125,10 +125,10 @@ def _run(slices: dict, failed: Path) -> Pilot:
     from workflow.run_mine import run_stages
 
     seconds, steps, start, thickness = {}, [], 0, np.nan
-    before = _running()
+    before = running_time()
     with quiet():  # The mine's own stages will warn.
         for name, dataset, facts in run_stages(slices, failed):
-            now = _running()
+            now = running_time()
             seconds[name] = now - before
             if name == "grid":
                 start = dataset.sizes["cell"]
@@ -136,10 +136,5 @@ def _run(slices: dict, failed: Path) -> Pilot:
                 steps.append(PilotStep(name.removeprefix("steps/"), int(facts["cells"]), seconds[name]))
                 of_step = failed_thickness(dataset, [facts["step_index"]]) * slices["cell"]
                 thickness = of_step if np.isfinite(of_step) else thickness
-            before = _running()
+            before = running_time()
     return Pilot(slices["cell"], start, seconds["grid"], seconds["elastic"], tuple(steps), float(thickness))
-
-
-def _running() -> float:
-    """Processor time of this process so far, without compiling, s."""
-    return processor_time() - COMPILING.seconds

@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
-from common.costs import COMPILING, processor_time
+from common.costs import running_time
 from mpm_core.simd.threads import use_threads
 from verification.comparisons import released_potency
 from verification.foreseen import MINES
@@ -44,9 +44,9 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> list[dict]:
     use_threads(1)
     rows, answers = [], []
     for mine in mines_of(name):
-        before = _running()
+        before = running_time()
         quotes = Quotes(quote_slice(mine) | {"companion": False, "members": 0}, quote_source(), 1)
-        one, between = quotes.at(mine.finest_cell), _running()
+        one, between = quotes.at(mine.finest_cell), running_time()
         cells, *answer = run(mine)
         answers.append(answer)
         rows.append(
@@ -56,7 +56,7 @@ def measure_case(name: str, inputs: Inputs, threads: int) -> list[dict]:
                 "pilot_cell_m": quotes.pilot.cell,
                 "quote_s": between - before,
                 "foreseen_s": one.processor - REPORT_SECONDS,
-                "took_s": _running() - between,
+                "took_s": running_time() - between,
                 "foreseen_cells": one.end,
                 "cells": cells,
                 "foreseen_MB": one.memory / 1e6,
@@ -95,10 +95,6 @@ def run(mine: Mine) -> tuple[int, float, float]:
                 potency += released_potency(state)
                 volume += facts["failed_volume"]
     return cells, potency, volume
-
-
-def _running() -> float:
-    return processor_time() - COMPILING.seconds
 
 
 def tables(results: CaseResults) -> dict[str, pd.DataFrame]:
