@@ -1,9 +1,11 @@
 """A pilot: the first steps of a mine on larger cells, which show what the mine's own cells will cost.
 
-Cells are as large as the mine's grid allows at first, then half as large again and again, until the next pilot would
-take longer than a pilot may. Only the last one counts. It is kept: the same pilot is not run twice in a folder.
+Cells are as large as the mine's grid allows at first, then half as large again and again, until they are the mine's own
+or the next pilot would take longer than a pilot may. Only the last one counts. It is kept: the same pilot is not run
+twice in a folder.
 """
 
+import copy
 import hashlib
 import json
 import logging
@@ -12,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from common.costs import running_time
 from common.errors import InputError
@@ -21,17 +24,18 @@ from workflow.mine import Mine
 MEMORY = Path(".snakemake/pilots")  # next to Snakemake's own notes
 MAX_HALVINGS = 3  # Cells of a pilot are at most 2^3 times as large as the mine's own.
 GROWTH = 6.0  # Time of a pilot over that of the one before, at most of most mines.
-MAX_WARM_SECONDS = 4.0  # A first pilot that takes no longer is run twice.
+MAX_WARM_SECONDS = 4.0  # A pilot that takes no longer is run twice: most of it may have been loading kernels.
 MANY_CELLS = 500_000  # of a mine, whose pilots take all cores
 MAX_SECONDS, MAX_SECONDS_PER_CELL = 15.0, 6e-5  # processor time that pilots may take: the larger of both
 
 
 @dataclass(frozen=True)
 class PilotStep:
-    """A step of a pilot: its name, cells at its end, and processor time without compiling, s."""
+    """A step of a pilot: its name, cells at its end, the finest of them, and processor time without compiling, s."""
 
     name: str
     cells: int
+    finest: int
     seconds: float
 
 
@@ -39,13 +43,14 @@ class PilotStep:
 class Pilot:
     """What a pilot found.
 
-    cell: edge of its finest cells, m; start: cells of its grid; grid, elastic: processor time of these stages without
-    compiling, s, on one core; steps: those that it ran; thickness: of the rock that failed in the last of them in which
-    any did, m; NaN if none did.
+    cell: edge of its finest cells, m; start, start_finest: cells of its grid, and the finest of them; grid, elastic:
+    processor time of these stages without compiling, s, on one core; steps: those that it ran; thickness: of the rock
+    that failed in the last of them in which any did, m; NaN if none did.
     """
 
     cell: float
     start: int
+    start_finest: int
     grid: float
     elastic: float
     steps: tuple[PilotStep, ...]
@@ -58,16 +63,22 @@ class Pilot:
 
 
 def pilot_slices(mine: Mine) -> list[dict]:
-    """Settings of the pilots of a mine, on the largest cells first: its stages as workflow.run_mine takes them, up to
-    the first dated step, and the size `cell` of the finest cells, m. None where its cells cannot be larger."""
-    pilots: list[dict] = []
+    """Settings of the pilots of a mine, on the largest cells first and on its own last: its stages as workflow.run_mine
+    takes them, up to the first dated step, and the size `cell` of the finest cells, m. None where its cells cannot be
+    larger."""
     fewest = min(2, mine.settings.grid.levels - 1) if mine.is_adaptive else 1  # of one size, none follow the rock
+    own = copy.copy(mine)
+    own.change("grid", volume_error=1e9)  # as in larger cells: a run will say what is too thin for its own
+    sizes = [own]
     for _ in range(min(mine.settings.grid.levels - fewest, MAX_HALVINGS)):
-        mine = mine.coarser()
-        dated = next((number for number, name in enumerate(mine.mined_steps) if name in mine.dated_steps), 0)
-        slices = mine.run_slices([])
-        pilots.insert(0, slices | {"steps": slices["steps"][: dated + 1], "cell": mine.finest_cell})
-    return pilots
+        sizes.insert(0, sizes[0].coarser())
+    return [_first_steps(one) for one in sizes] if len(sizes) > 1 else []
+
+
+def _first_steps(mine: Mine) -> dict:
+    dated = next((number for number, name in enumerate(mine.mined_steps) if name in mine.dated_steps), 0)
+    slices = mine.run_slices([])
+    return slices | {"steps": slices["steps"][: dated + 1], "cell": mine.finest_cell}
 
 
 def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -> Pilot:
@@ -89,9 +100,9 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -
     # On a busy machine several cores take many times the processor time over few cells, which tells nothing.
     use_threads(1 if cells < MANY_CELLS else cores)
     try:
-        for number, slices in enumerate(pilots):
+        for slices in pilots:
             found = _run(slices, path.with_suffix(".failed.npz"))
-            if number == 0 and found.seconds < MAX_WARM_SECONDS:  # Most of it was loading libraries and kernels.
+            if found.seconds < MAX_WARM_SECONDS:
                 found = _run(slices, path.with_suffix(".failed.npz"))
             taken += found.seconds
             if taken + GROWTH * found.seconds > allowed:
@@ -124,17 +135,23 @@ def _run(slices: dict, failed: Path) -> Pilot:
     from workflow.derived_domain import quiet
     from workflow.run_mine import run_stages
 
-    seconds, steps, start, thickness = {}, [], 0, np.nan
+    seconds, steps, start, thickness = {}, [], (0, 0), np.nan
     before = running_time()
     with quiet():  # The mine's own stages will warn.
         for name, dataset, facts in run_stages(slices, failed):
             now = running_time()
             seconds[name] = now - before
             if name == "grid":
-                start = dataset.sizes["cell"]
+                start = _cells(dataset)
             if name.startswith("steps/"):
-                steps.append(PilotStep(name.removeprefix("steps/"), int(facts["cells"]), seconds[name]))
+                steps.append(PilotStep(name.removeprefix("steps/"), *_cells(dataset), seconds[name]))
                 of_step = failed_thickness(dataset, [facts["step_index"]]) * slices["cell"]
                 thickness = of_step if np.isfinite(of_step) else thickness
             before = running_time()
-    return Pilot(slices["cell"], start, seconds["grid"], seconds["elastic"], tuple(steps), float(thickness))
+    return Pilot(slices["cell"], *start, seconds["grid"], seconds["elastic"], tuple(steps), float(thickness))
+
+
+def _cells(dataset: xr.Dataset) -> tuple[int, int]:
+    """Cells of a grid or a state, and the finest of them."""
+    level = dataset["cell_level"].values
+    return len(level), int(np.count_nonzero(level == level.max()))

@@ -2,8 +2,9 @@
 
 A pilot on larger cells shows what the first steps take (workflow.pilot). From there:
 
-- The cells of the grid are counted. Those that steps add lie around walls and failed rock: with cells of half the size
-  there are 2^ADDED_ORDER times as many. Each later step adds LATER_SHARE of what the first dated one adds.
+- The cells of the grid are counted. Of those that steps add, the finest lie around failed rock: with cells of half the
+  size there are 2^FINEST_ORDER times as many. The coarser ones surround these and what is mined: there are
+  2^COARSER_ORDER times as many. Each later step adds LATER_SHARE of what the first dated one adds.
 - Failure spreads cell by cell, so a step takes more cycles on smaller cells: 2^CYCLES_ORDER times as many with half the
   size. A cycle takes time as cells^CELLS_ORDER, since many cells no longer stay in the cache. Other stages take time in
   proportion to their cells.
@@ -36,7 +37,8 @@ from workflow.stages import stages
 # foreseen holds them against other mines.
 CYCLES_ORDER = 1.25
 CELLS_ORDER = 1.14
-ADDED_ORDER = 2.6
+FINEST_ORDER = 2.7
+COARSER_ORDER = 1.4
 LATER_SHARE = 0.25
 THICKNESS_ORDER = 0.25
 REPORT_SECONDS = 15.0  # processor time from events to report
@@ -151,11 +153,13 @@ class Quotes:
     def _costs(self, cell: float) -> tuple[float, float, int]:
         """Processor time of grid, elastic equilibrium and all steps, s, of the steps alone, and cells at the end."""
         pilot, finer = self.pilot, self.pilot.cell / cell
-        before, start = pilot.start, self.cells_at(cell)
+        before, start = (pilot.start, pilot.start_finest), self.cells_at(cell)
         cells = start
         steps = seconds = added = 0.0
         for step in pilot.steps:
-            added, before = (step.cells - before) * finer**ADDED_ORDER, step.cells
+            more, finest = step.cells - before[0], step.finest - before[1]
+            added = finest * finer**FINEST_ORDER + (more - finest) * finer**COARSER_ORDER
+            before = step.cells, step.finest
             cells += added
             seconds = step.seconds * (cells / step.cells) ** CELLS_ORDER * finer**CYCLES_ORDER
             steps += seconds

@@ -22,7 +22,8 @@ from workflow.quote import Quotes, choose, quote_slice, text_of
 from workflow.stages.requests import quote_of
 
 FLAT = Path(__file__).parents[1] / "golden/mines/flat.yaml"
-FOUND = Pilot(4.0, 1000, 1.0, 2.0, (PilotStep("history", 1200, 3.0), PilotStep("2019-08", 2000, 10.0)), 4.0)
+STEPS = (PilotStep("history", 1200, 600, 3.0), PilotStep("2019-08", 2000, 1200, 10.0))
+FOUND = Pilot(4.0, 1000, 500, 1.0, 2.0, STEPS, 4.0)
 SETTINGS = {
     "name": "made_up", "cell": 2.0, "pilots": [{}], "grids": {"4.0": 1000, "2.0": 3000, "1.0": 10_000},
     "across": {"wide": [8.0, 3], "drive": [3.0, 3], "slot": [3.0, 2]}, "steps": 2, "scheme": "multigrid",
@@ -157,30 +158,33 @@ def test_a_pilot_is_run_on_ever_smaller_cells_until_it_takes_long_and_is_kept(mo
     def run(slices, failed):
         ran.append(slices["cell"])
         return replace(
-            FOUND, cell=slices["cell"], grid=0.0, elastic=0.0, steps=(PilotStep("history", 9, 8.0 / ran[-1]),)
+            FOUND, cell=slices["cell"], grid=0.0, elastic=0.0, steps=(PilotStep("history", 9, 9, 20.0 / ran[-1]),)
         )
 
     monkeypatch.setattr(pilot, "_run", run)
-    slices = [{"cell": cell, "grid": {"excavations": [], "rock_bodies": []}} for cell in (16.0, 8.0, 4.0, 2.0)]
+    slices = [{"cell": cell, "grid": {"excavations": [], "rock_bodies": []}} for cell in (32.0, 16.0, 8.0, 4.0, 2.0)]
     found = pilot.pilot_of("mine", slices, 100, "code", 1)
-    assert ran == [16.0, 16.0, 8.0, 4.0]  # 2 m would take 6 times 2 s beside the 4 s so far
-    assert found.cell == 4.0
+    assert ran == [32.0, 32.0, 16.0, 16.0, 8.0, 8.0]  # twice in less than 4 s; 4 m would take 6 times 2.5 s
+    assert found.cell == 8.0
     assert pilot.pilot_of("mine", slices, 100, "code", 1) == found
-    assert len(ran) == 4
+    assert len(ran) == 6
     pilot.pilot_of("mine", slices, 100, "other code", 1)
-    assert len(ran) == 8
+    assert len(ran) == 12
     assert pilot.pilot_of("mine", slices, 10**6, "third code", 1).cell == 2.0  # a larger mine may take longer
 
 
 def test_a_mine_is_tried_with_its_history_and_first_month_on_larger_cells(monkeypatch, tmp_path):
     mine = load_mine(FLAT, {"grid": {"levels": 3}})
-    assert [one["cell"] for one in pilot_slices(load_mine(FLAT))] == [10.0]
-    (doubled,) = pilot_slices(mine)  # without cells of 10 m, which would all be of one size
-    assert doubled["cell"] == 5.0
-    assert [step["name"] for step in doubled["steps"]] == ["history", "2019-08"]
+    assert [one["cell"] for one in pilot_slices(load_mine(FLAT))] == [10.0, 5.0]
+    doubled, own = pilot_slices(mine)  # without cells of 10 m, which would all be of one size
+    assert (doubled["cell"], own["cell"]) == (5.0, 2.5)
+    for tried in (doubled, own):
+        assert [step["name"] for step in tried["steps"]] == ["history", "2019-08"]
+    assert pilot_slices(load_mine(FLAT, {"grid": {"levels": 1}})) == []
     monkeypatch.chdir(tmp_path)
     settings, threads = quote_slice(mine), numba.get_num_threads()
     assert json.loads(json.dumps(settings)) == settings
+    monkeypatch.setattr(pilot, "GROWTH", 1e9)
     made = Quotes(settings, "code", 1)
     assert made.pilot.cell == 5.0
     assert numba.get_num_threads() == threads  # a run that follows in this process takes all of them
