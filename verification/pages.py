@@ -27,7 +27,7 @@ from workflow.strict_yaml import read_yaml
 PAGES = ROOT / "docs" / "studies"
 CORES = {"benchmarks": "2", "economies": "1"}  # That Snakemake is given for a measuring study; all for the others.
 # Files of config/verification whose runs stand in one of those tables.
-POINTS_OF = ("tradeoff_", "spread_", "times_", "scale_", "economies_")
+POINTS_OF = ("tradeoff_", "spread_", "times_", "scale_", "economies_", "foreseen_")
 INDEX = "index"
 BLOCK = re.compile(r"(<!-- results: (\S+) -->\n)(.*?)(<!-- end of results -->)", re.DOTALL)
 MADE = re.compile(r"Made on \S+ at commit `([^`]+)`")
@@ -182,7 +182,9 @@ def _measured(name: str, table: Path) -> tuple[str, str, list[str]]:
             raise InputError(
                 f"{file.name} of {name}: {missing}; an earlier version made it: run the target again"
             ) from error
-    return f"Results of {name}", f"{len(pd.read_csv(table))} rows.", lines
+    rows = pd.read_csv(table, dtype=str, keep_default_na=False).to_dict("records")
+    is_judged = any(row.get("passed") for row in rows)
+    return f"Results of {name}", _counts(rows) if is_judged else f"{len(rows)} rows.", lines
 
 
 def _verified(name: str, table: Path) -> tuple[str, str, list[str]]:
@@ -264,10 +266,13 @@ def index_table(texts: dict[str, str]) -> str:
     for name, text in texts.items():
         title, *facts = (_told(name, text, start) for start in ("# ", *(f"- **{fact}:** " for fact in INDEX_FACTS)))
         counts = [[int(count) for count in match.groups()] for match in COUNTS.finditer(text)]
-        _, judged, _, known, failed = (sum(column) for column in zip(*counts, strict=True)) if counts else [None] * 5
-        numbers = ["no results" if count is None else str(count) for count in (judged, known, failed)]
+        _, judged, passed, known, failed = (
+            (sum(column) for column in zip(*counts, strict=True)) if counts else [None] * 5
+        )
+        unjudged = "measured, not judged" if MADE.search(text) else "no results"
+        numbers = [unjudged, "", "", ""] if judged is None else map(str, (judged, passed, known, failed))
         body.append([f"[{title}]({name}.md)", *facts, *numbers])
-    head = ("study", "what it checks", "reference", "rows judged", "known misses", "rows that fail")
+    head = ("study", "what it checks", "reference", "rows judged", "pass", "known misses", "fail")
     return "\n".join(markdown(head, body)) + "\n"
 
 

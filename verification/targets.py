@@ -14,6 +14,7 @@ from common.errors import InputError
 from verification.benchmarks.settings import Settings, read_settings
 from verification.calibration_truth.settings import TERMS
 from verification.foreseen import CASES as FORESEEN
+from verification.foreseen import REQUESTS
 from verification.scale import ARRAYS, DRAWN
 from verification.stability import KEYS, SEVERAL_SEEDS
 from verification.studies import Study, load_study
@@ -115,7 +116,7 @@ class Measuring:
     Its package in verification has its name, and in it STUDY (verification.frame). names: names of its cases, in the
     order of its table. memory: of a case, MiB; 0 if its cases are not made by the rule `case`. uses: parts of
     verification that a case runs beside its package and SHARED. tables: names of the tables that it writes beside
-    "table". numerics: folders with which its results may change, beside verification.made.NUMERICS.
+    "table". numerics: folders and files with which its results may change, beside verification.made.NUMERICS.
     """
 
     names: Callable[["Cases"], list[str]]
@@ -159,7 +160,10 @@ MEASURING = {  # By the name of the target.
     ),
     # What quotes foresee beside what runs take.
     "foreseen": Measuring(
-        lambda cases: list(FORESEEN), memory=8000, tables=("held",), numerics=("catalogs", "workflow")
+        lambda cases: [*FORESEEN, *cases.studies.variants(REQUESTS)],
+        memory=8000,
+        tables=("held", "requested"),
+        numerics=("catalogs/compare/cell_error.py", "workflow/pilot.py", "workflow/quote.py"),
     ),
     # Elastic and Coulomb equilibrium at growing size, both schemes beside other codes, and a brittle step.
     "benchmarks": Measuring(lambda cases: [case.name for case in cases.benchmarks().cases()], memory=21000),
@@ -221,10 +225,10 @@ class Cases:
                 sys.exit(f"config/benchmarks.yaml: asks for no case {wildcards.case}; there are {', '.join(names)}")
             previous = self.files("benchmarks")[: names.index(wildcards.case)][-1:]
             return list(dict.fromkeys([*self.smaller(wildcards.case), *previous]))
+        if "-" in wildcards.case:  # a variant that the case runs itself
+            return self.studies.sources(wildcards.case.partition("-")[0])
         if wildcards.target in ("stability", "foreseen") or wildcards.case in (*DRAWN, ARRAYS):
             return []
-        if wildcards.target == "economies":
-            return self.studies.sources(wildcards.case.partition("-")[0])
         return [*self.studies.results_of([wildcards.case]), self.studies.file(wildcards.case)]
 
     def smaller(self, name: str) -> list[str]:

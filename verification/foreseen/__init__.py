@@ -5,5 +5,9 @@ OPENINGS = ("sphere", "drive_4", "decline", "stope", "turned", "surveyed", "pill
 MINES = {  # Shipped mines: by case, file below config/mines, and sizes of the finest cells, m.
     "mine_template": ("template", (2.5, 1.25)),
     "mine_demo": ("demo", (4.0, 2.0)),
+    "mine_elk_creek": ("elk_creek", (20.0,)),
+    "mine_renison_scale": ("renison_scale", (5.0, 2.5)),
 }
 CASES = (*OPENINGS, *MINES)
+REQUESTS = "foreseen_requests"
+"""the study whose mines are run on the cells that a request asks for, each a case of its own"""
