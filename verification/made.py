@@ -17,6 +17,10 @@ from common.errors import InputError
 ROOT = Path(__file__).resolve().parents[1]
 FILE = "made.json"
 NUMERICS = ("mpm_core", "seismic")  # Results of most studies may change with these folders.
+READING = (  # Parts of such folders that read what others made. They change no result of a study.
+    *(f"mpm_core/geometry/{name}.py" for name in ("dxf", "meshes", "solid_files")),
+    *("mpm_core/scene/scene_solids.py", "catalogs/records"),
+)
 UNKNOWN, DIRTY = "unknown", "-dirty"
 COMMIT_LENGTH = 7
 
@@ -64,12 +68,13 @@ def oldest(made: Iterable[Made]) -> Made:
 
 
 def is_older(commit: str, folders: Iterable[str] = NUMERICS) -> bool:
-    """True if folders changed between a commit and the one that is checked out, or if that is not known.
+    """True if folders changed, beyond READING, since a commit, or if that is not known.
 
     Changes that were not committed when a table was made count if they are committed now.
     """
     since = f"{commit.removesuffix(DIRTY)}..HEAD"
-    return _git("log", "-1", "--format=%h", since, "--", *folders) != ""
+    beside = (f":(exclude){path}" for path in READING if path not in folders)
+    return _git("log", "-1", "--format=%h", since, "--", *folders, *beside) != ""
 
 
 def _git(*words: str) -> str | None:

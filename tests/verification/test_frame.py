@@ -220,7 +220,8 @@ def checkout(tmp_path, monkeypatch) -> Path:
     monkeypatch.setattr(made, "ROOT", tmp_path)
     git(tmp_path, "init", "-q")
     (tmp_path / "mpm_core").mkdir()
-    for name in ("mpm_core/law.py", "page.md"):
+    for name in ("mpm_core/law.py", "mpm_core/geometry/dxf.py", "page.md"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("one\n")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-q", "-m", "one")
@@ -228,10 +229,12 @@ def checkout(tmp_path, monkeypatch) -> Path:
 
 
 def test_results_are_older_once_the_numerics_have_changed(checkout):
-    """Not where another file has; a commit that is not known counts as older, and what was not committed does."""
+    """Not where another file has, or a reader of files; a commit that is not known counts as older, and what was not
+    committed does."""
     commit = Made.now().commit
     assert not is_older(commit)
-    (checkout / "page.md").write_text("two\n")
+    for name in ("mpm_core/geometry/dxf.py", "page.md"):
+        (checkout / name).write_text("two\n")
     assert Made.now().commit == f"{commit}-dirty"
     git(checkout, "commit", "-q", "-a", "-m", "two")
     assert not is_older(commit)
