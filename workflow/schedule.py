@@ -41,11 +41,12 @@ class MadeSchedule:
 
 @dataclass(frozen=True)
 class FoundBody:
-    """A body, the file that it is in, as the mine's file would name it, and the entry of `solids` that names the
-    file. alone: True for the only body of its file."""
+    """A body, the file that it is in, as the mine's file would name it and as messages do, and the entry of `solids`
+    that names the file. alone: True for the only body of its file."""
 
     body: Body
     file: str
+    path: Path
     entry: ScheduledSolids
     alone: bool
 
@@ -119,7 +120,7 @@ def _bodies(schedule: Schedule, folder: Path, mistakes: Mistakes) -> tuple[list[
                     raise InputError(
                         f"schedule.solids[{number}]: {path}: no body has a name that layer or element fits"
                     )
-                found += [FoundBody(body, file, entry, len(bodies) == 1) for body in bodies]
+                found += [FoundBody(body, file, path, entry, len(bodies) == 1) for body in bodies]
     return found, len(mistakes.lines) == before
 
 
@@ -159,7 +160,7 @@ def _match(
         first_body = seen.setdefault(name or one.names[0], one)
         if first_body is not one:
             mistakes.add(
-                f"schedule.solids: {one.file}: {one.body.name}: {first_body.file} has a body of this name already; "
+                f"schedule.solids: {one.path}: {one.body.name}: {first_body.path} has a body of this name already; "
                 "rename one, or choose bodies with layer or element"
             )
         elif name is None:
@@ -174,7 +175,7 @@ def _match(
     near_rows = {row.body.casefold(): row.body for row in strangers}
     for one in without_row:
         remedy = _near(one.body.name, near_rows) or f"; add one, with {PLANNED} as its end if it has no date yet"
-        mistakes.add(f"schedule.solids: {one.file}: {one.body.name}: has no row in {table}{remedy}")
+        mistakes.add(f"schedule.solids: {one.path}: {one.body.name}: has no row in {table}{remedy}")
     return matched
 
 
