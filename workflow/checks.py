@@ -25,6 +25,7 @@ from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.shapes import check_form, check_place, check_repeated
 from workflow.virgin_rock import check_virgin_stress
 
+SOURCES = ("excavations_from", "schedule")  # sections that excavations and steps are made from
 PLANNED = "planned"  # it is part of the grid, and is mined when it gets a step
 IN_PLANE = {"xz": ("xx", "zz", "xz"), "xy": ("xx", "yy", "xy"), None: ("xx", "yy", "zz", "yz", "xz", "xy")}
 RESERVED = (
@@ -55,7 +56,10 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     report the same mistake again.
     """
     broken = set(broken)
-    if "excavations_from" in broken:
+    if mine.made_schedule and mine.made_schedule.mistakes.lines:
+        mistakes.lines += mine.made_schedule.mistakes.lines
+        broken.add("schedule")
+    if not broken.isdisjoint(SOURCES):
         broken |= {"excavations", "steps"}
 
     def check(function: Callable, *needs: str) -> None:
@@ -97,26 +101,31 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
 
 
 def _under_written_keys(mine: Mine, lines: Sequence[str]) -> list[str]:
-    """The lines, with those about excavations and steps that excavations_from makes under its key.
+    """The lines, with those about excavations and steps that excavations_from or schedule makes under its key.
 
     Lines that then differ in the name of the excavation alone become the first of them, which says how many there are.
+    A material that is wrong in a row of a schedule keeps a line of its own.
     """
+    source = next((name for name in SOURCES if getattr(mine.settings, name)), None)
     made = {
         "excavations": {entry.name for entry in mine.excavations[len(mine.settings.excavations) :]},
-        "steps": {step.name for step in mine.listed_steps if mine.settings.excavations_from},
+        "steps": {step.name for step in mine.listed_steps if source},
     }
+    rows = mine.made_schedule.rows if mine.made_schedule else {}
     found: dict[str, list[str]] = {}  # by the line without the name and without numbers, as those of a place
     for line in dict.fromkeys(lines):
         section, *rest = parts_of(key_in(line))
         reason = line.partition(": ")[2]
         if not rest or rest[0] not in made.get(str(section), ()):
             found[line] = [line]
+        elif rest[1:] == ["fill"] and rest[0] in rows:
+            found[line] = [f"{rows[str(rest[0])]}: {reason}"]
         elif rest[1:] == ["fill"]:
             found.setdefault(f"excavations_from.fill: {reason}", [f"excavations_from.fill: {reason}"])
         else:
             name = str(rest[0])
             pattern = NUMBER.sub("", reason.replace(name, ""))
-            found.setdefault(pattern, []).append(f"excavations_from: {name}: {reason}")
+            found.setdefault(pattern, []).append(f"{rows.get(name, f'{source}: {name}')}: {reason}")
     return [f"{same[0]} (and {len(same) - 1} more like it)" if len(same) > 1 else same[0] for same in found.values()]
 
 
@@ -275,7 +284,10 @@ def _check_references(mine: Mine, mistakes: Mistakes) -> None:
     """Names that stand once, and names that refer to a step or a material, where those names are right."""
     settings, names = mine.settings, [step.name for step in mine.steps]
     mistaken = [parts_of(key_in(line)) for line in mistakes.lines]
-    knows_steps = all(parts[0] != "steps" or parts[-1] in ("start", "end") for parts in mistaken)
+    knows_steps = all(
+        parts[0] not in ("steps", *SOURCES) or (parts[0] == "steps" and parts[-1] in ("start", "end"))
+        for parts in mistaken
+    )
     knows_materials = ["materials"] not in mistaken
     materials = settings.materials
     by_small_letters: dict[str, str] = {}

@@ -19,6 +19,7 @@ def check_plans(mine: Mine, mistakes: Mistakes) -> None:
     seen: list[str] = []
     written = [str(entry.get("name")) for entry in mine.text.get("excavations", ())]
     made = [entry.name for entry in mine.excavations]
+    source = "schedule" if mine.settings.schedule else "excavations_from"
     for name, plan in mine.settings.plans.items():
         where = f"plans.{name}"
         with mistakes.gather():
@@ -40,7 +41,7 @@ def check_plans(mine: Mine, mistakes: Mistakes) -> None:
             with mistakes.gather():
                 if excavation not in written and excavation in made:
                     raise InputError(
-                        f"{where}.excavations.{excavation}: comes from excavations_from, which a plan cannot change; "
+                        f"{where}.excavations.{excavation}: comes from {source}, which a plan cannot change; "
                         f"give {where}.file, a mine file of its own that lists its excavations"
                     )
                 if excavation not in written:

@@ -82,8 +82,11 @@ def load(
             check_mine(mine, mistakes, broken)
     if mistakes.lines:
         lines = sorted_by_place(list(dict.fromkeys(mistakes.lines)), mine_file, overrides or {})
-        if len(lines) > MAX_MISTAKES_SHOWN + 1:
-            lines[MAX_MISTAKES_SHOWN:] = [f"{mine_file}: and {len(lines) - MAX_MISTAKES_SHOWN} more mistakes"]
+        most = MAX_MISTAKES_SHOWN + sum(
+            section_of(line) == "schedule" for line in mistakes.lines
+        )  # Those of a table are all shown.
+        if len(lines) > most + 1:
+            lines[most:] = [f"{mine_file}: and {len(lines) - most} more mistakes"]
         if may_lack_record and all(section_of(line) == "record" for line in mistakes.lines):
             rest = {key: value for key, value in config.items() if key not in ("record", "forecasts")}
             with contextlib.suppress(InputError):  # of what needs the record

@@ -83,7 +83,9 @@ insitu_stress:
 FORECASTS = """\
 forecasts: [forecasts/2019-11.nc]
 """
-DEMO, ELK_CREEK, RENISON = (f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale"))
+DEMO, ELK_CREEK, RENISON, YEAR = (
+    f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale", "stoping_year")
+)
 # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
 TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Place, domain and cells": (
@@ -95,8 +97,8 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
         ((DEMO, "insitu_stress"), PRINCIPAL, (DEMO, "materials"), ("config/verification/fault.yaml", "rock_bodies")),
     ),
     "Solids and mining": (
-        ("excavations", SHAPE, "steps", "excavations_from"),
-        ((DEMO, "excavations"), (DEMO, "steps"), FROM_FILES),
+        ("excavations", SHAPE, "steps", "schedule", "excavations_from"),
+        ((DEMO, "excavations"), (DEMO, "steps"), FROM_FILES, (YEAR, "schedule")),
     ),
     "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
     "Mining plans": (("plans", "hazard"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),

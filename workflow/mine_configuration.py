@@ -6,13 +6,16 @@ import importlib
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from mpm_core.constitutive.laws import ELASTIC_MODEL
 from mpm_core.scene.far_field import FarField
 from mpm_core.scene.scene import FACES
 from mpm_core.settings import ElasticMaterial, MaterialSettings
 from workflow.mine_settings import Excavation, MineSettings, Step
+
+if TYPE_CHECKING:
+    from workflow.schedule import MadeSchedule
 
 BUFFER_CELLS_IN_ELASTIC_ROCK = 4  # Rings of cells around openings that stress between them and the far field needs.
 
@@ -25,7 +28,7 @@ class MineConfiguration:
 
     | name | holds |
     |---|---|
-    | `listed_steps` | steps that the mine file or its source of excavations lists |
+    | `listed_steps` | steps that the mine file, its source of excavations or its schedule lists |
     | `steps` | the same, after an implicit step `history` if no listed one is undated; `step_index` counts these |
     | `mined_steps` | names of `steps`; none where no step is listed: only elastic.nc is computed then |
     | `dated_steps` | names of the listed steps with dates, whose events enter the catalogue |
@@ -44,6 +47,7 @@ class MineConfiguration:
     )  # number of the ensemble's member: another random field of strength; 0: the mine itself
     requested: str = field(init=False, default="")  # what followed from a request (accuracy), for the user
     record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
+    made_schedule: "MadeSchedule | None" = field(init=False, default=None)  # what section `schedule` makes
     _number: dict[str, int] = field(init=False)
 
     def __post_init__(self):
@@ -59,6 +63,12 @@ class MineConfiguration:
             steps, found = source.schedule(self.path(made.folder), **options)
             self.listed_steps = tuple(Step.of(entry, f"excavations_from: {entry['name']}") for entry in steps)
             self.excavations += [Excavation.of(entry, f"excavations_from: {entry['name']}") for entry in found]
+        if settings.schedule:
+            from workflow.schedule import make_schedule  # here: what reads tables and drawings takes seconds to import
+
+            self.made_schedule = make_schedule(settings.schedule, self.folder)
+            self.listed_steps = tuple(self.made_schedule.steps)
+            self.excavations += self.made_schedule.excavations
         has_undated = not all(step.is_dated for step in self.listed_steps)
         implicit = [] if has_undated else [Step(name="history")]
         self.steps = [*implicit, *self.listed_steps]

@@ -30,6 +30,7 @@ from mpm_core.insitu_settings import InsituSettings, SymmetricTensor
 from mpm_core.settings import (
     BodySettings,
     DomainSettings,
+    FileSettings,
     GridSettings,
     ShapeSettings,
     SolidSettings,
@@ -105,6 +106,71 @@ class ExcavationsFrom(Settings):
     floor that dips has steps, at which rock supports the roof. Default: the floor is on the seam, which dips."""
     fill: str = None
     """Name of the material that fills the excavations. Default: `gob`."""
+
+
+class ScheduledSolids(FileSettings):
+    """Files of solids whose bodies the table names."""
+
+    file: str
+    """DXF, OMF, OBJ, STL or PLY file, relative to the mine file. `*` in its name stands for any text. The bodies are
+    the layers of a DXF, the surfaces of an OMF, the objects of an OBJ (groups where it has none), the solids of a text
+    STL. The table may call the only body of a file by the file's name without its ending."""
+    layer: str = None
+    """Layers of a DXF drawing that are bodies. `*` stands for any text. Default: all layers with faces. A layer that is
+    off or frozen is a body only if the table names it."""
+    element: str = None
+    """Bodies of an OMF, OBJ or text STL file. `*` stands for any text. Default: all."""
+
+
+class ScheduleColumns(Settings):
+    """Names of the table's columns, by what they hold. The columns of body and end are needed. Others that have the
+    default name may be absent."""
+
+    body: str = "body"
+    """Column of the body's name. Capitals do not matter."""
+    start: str = "start"
+    """Column of the first day of mining. Needed with `period: table`."""
+    end: str = "end"
+    """Column of the day on which mining ends, or the word `history` or `planned`."""
+    filled: str = "filled"
+    """Column of the day on which the fill is placed, or the word `history` or `planned`. Empty: it is not placed yet.
+    The fill acts from the first step that begins on this day or later, after the step that mines the body."""
+    fill: str = "fill"
+    """Column of the name of the material that fills the body, or `none`. Empty: see schedule.fill."""
+    period: str = None
+    """Column of the names of the steps, with `period: table`. Default: steps are named by their first day."""
+
+
+class Schedule(Settings):
+    """A table of dates and files of solids, from which excavations and steps are made. An excavation follows from each
+    body, in the order of the files, whatever the order of the rows. Its name is that of the body, with `_` in place of
+    what is no letter, digit, - or _. `excavations` may list further ones, which name the same steps."""
+
+    file: str
+    """The table, a CSV or an Excel file, relative to the mine file. It has one row for each body."""
+    sheet: str = None
+    """Sheet of an Excel file. Default: the first one."""
+    solids: Annotated[tuple[ScheduledSolids, ...], Field(min_length=1), AsTuple]
+    """Files of the solids. Each body in them needs a row."""
+    columns: ScheduleColumns = None
+    """Names of the table's columns. Default: body, start, end, filled, fill."""
+    date_order: Literal["day", "month"] = None
+    """What dates such as 03/04/2024 begin with. Default: found from days above 12. Dates such as 2024-04-03, 3-Apr-2024
+    and those of Excel need no key."""
+    ends: Literal["last_day", "day_after"] = "last_day"
+    """What the end of a row is. `last_day`: the last day of mining. `day_after`: the first day after it."""
+    period: Literal["month", "week", "quarter", "table"] = "month"
+    """What one step mines. `month`: a calendar month, named like 2024-03. `quarter`: named like 2024-Q1. `week`: seven
+    days from `start` on, named by the first day; without `start` weeks begin on Monday. `table`: rows with the same
+    start and end are one step."""
+    start: Date = None
+    """First date that belongs to a dated step. Bodies that end before it are mined in `history`. Default: the beginning
+    of the period in which the first body ends."""
+    end: Date = None
+    """First date after the last step. Bodies that end later are `planned`. Default: the end of the period in which the
+    last body ends."""
+    fill: str = None
+    """Material of bodies whose row has a fill date and names no material."""
 
 
 class Load(ShapeSettings):
@@ -251,6 +317,7 @@ class MineSettings(Settings):
     rock_bodies: Annotated[tuple[RockBody, ...], AsTuple] = ()
     excavations: Annotated[tuple[Excavation, ...], AsTuple] = ()
     excavations_from: ExcavationsFrom = None
+    schedule: Schedule = None
     loads: Annotated[tuple[Load, ...], AsTuple] = ()
     strains: Annotated[tuple[BoundaryStrain, ...], AsTuple] = ()
     steps: Annotated[tuple[Step, ...], AsTuple] = ()
@@ -282,6 +349,9 @@ class MineSettings(Settings):
 
     @model_validator(mode="after")
     def _one_plan(self) -> Self:
-        if self.excavations_from and self.steps:
-            raise refusal("follow from excavations_from; leave them out", "steps")
+        sources = [name for name in ("excavations_from", "schedule") if getattr(self, name)]
+        if len(sources) == 2:
+            raise refusal("steps follow from excavations_from already; leave one of the two out", "schedule")
+        if sources and self.steps:
+            raise refusal(f"follow from {sources[0]}; leave them out", "steps")
         return self

@@ -159,6 +159,20 @@ def read_table(
     line: not readable, not text, in an encoding that is not known where that counts, columns missing or there twice.
     """
     text, sure = _decoded(path, encoding, has_keys)
+    return table_of(text, sure, path, named, numeric, decimal, has_keys)
+
+
+def table_of(
+    text: str,
+    sure: bool,
+    path: Path,
+    named: Mapping[str, str],
+    numeric: Iterable[str] = (),
+    decimal: str | None = None,
+    has_keys: bool = False,
+) -> Table:
+    """The table of the text of a CSV file, which `path` names in messages; sure: whether its encoding is known. Other
+    arguments and errors are those of read_table."""
     lines = [line for line in text.splitlines() if line.strip(" \t\r,;|")]
     if all(line.startswith("#") for line in lines):
         raise InputError(f"{path}: not a readable CSV file (it is empty); give a table with a header")

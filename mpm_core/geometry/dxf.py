@@ -3,14 +3,13 @@
 Imports ezdxf, which takes half a second: only solid_files.py imports this, where a drawing is read.
 """
 
-import functools
 import logging
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import ezdxf
 import numpy as np
@@ -21,7 +20,7 @@ from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
 from common.errors import InputError
-from mpm_core.geometry.meshes import ALL_NAMES, Mesh, Part, shown, triangles
+from mpm_core.geometry.meshes import ALL_NAMES, Mesh, Part, join, parsed_once, shown, triangles
 
 # $INSUNITS: metres of each unit that a mine could be drawn in
 METRES_PER_DXF_UNIT = {
@@ -40,50 +39,84 @@ MAX_INSERTED_ENTITIES = 300_000  # Entities to which a drawing's blocks may unfo
 MAX_CHORD_ERROR = 1e-3  # Largest distance of an arc from its chords, as a share of the outline's size.
 
 
+class LayerFaces(NamedTuple):
+    """What a layer of a drawing holds of solids.
+
+    mesh: all its faces, None where it has none. unread: entities of which no faces are read, by kind. smoothed: number
+    of MESH that the drawing shows smooth.
+    """
+
+    mesh: Mesh | None
+    unread: Counter[str]
+    smoothed: int
+
+
 def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], float | None]:
     """3DFACE, MESH and polyface or polygon-mesh POLYLINE by layer, and metres of the drawing's unit, if any.
 
-    layer: what will be chosen; the meshes of others may be left empty, hidden layers that only a pattern fits are left
-    out. Raises InputError for a drawing without any.
+    layer: what will be chosen; hidden layers that only a pattern fits are left out. Raises InputError for a drawing
+    without any.
     """
-    entities, unit, hidden = _open(path)
-    faces: dict[str, list[Mesh]] = {}
-    others: Counter[str] = Counter()
+    layers, code, hidden = _faces_of(path)
+    faces = {name: [found.mesh] for name, found in layers.items() if found.mesh is not None}
+    picked = [found for name, found in layers.items() if _picks_any(layer, [name])]
+    if not _picks_any(layer, faces):
+        raise _without_faces(layer, _contents(_parsed(path)[0]))
+    if unread := sum((found.unread for found in picked), Counter[str]()):
+        left_out = ", ".join(f"{count} {kind}" for kind, count in unread.items())
+        logging.warning("%s: also holds %s, of which no faces are read: left out", path, left_out)
+    faces = _without_hidden(path, faces, layer, hidden)
+    for on_layer in faces:
+        if layers[on_layer].smoothed and _picks_any(layer, [on_layer]):
+            logging.warning(
+                "%s: layer %s: %d MESH are shown smooth (subdivision levels); their cages are used, which reach "
+                "further out: export the smoothed mesh if that is meant",
+                path, on_layer, layers[on_layer].smoothed,
+            )  # fmt: skip
+    return faces, _unit(path, code)
+
+
+def layers_with_faces(path: Path) -> dict[str, bool]:
+    """Layers of a drawing that hold faces, in the order of the drawing, each with whether it is off or frozen.
+
+    Raises InputError for a drawing without any.
+    """
+    layers, _, hidden = _faces_of(path)
+    found = {name: name in hidden for name, one in layers.items() if one.mesh is not None}
+    if not found:
+        raise _without_faces(None, _contents(_parsed(path)[0]))
+    return found
+
+
+@parsed_once(8)
+def _faces_of(path: Path) -> tuple[dict[str, LayerFaces], int, dict[str, str]]:
+    """Faces of all layers of a drawing, its $INSUNITS, and its layers that are off or frozen."""
+    entities, code, hidden = _parsed(path)
+    meshes: dict[str, list[Mesh]] = {}
+    unread: dict[str, Counter[str]] = {}
     smoothed: Counter[str] = Counter()
-    for kind, on_layer, entity in entities:
+    for kind, layer, entity in entities:
         found: tuple[Any, list] | None = None
-        is_picked = layer is None or ALL_NAMES in layer or on_layer == layer
         if kind == "3DFACE":
             corners = entity.wcs_vertices()
             found = corners, [range(len(corners))]
         elif kind == "MESH":
             builder = MeshBuilder.from_mesh(entity)
             found = builder.vertices, builder.faces
-            smoothed[on_layer] += is_picked and entity.dxf.get("subdivision_levels", 0) > 0
+            smoothed[layer] += entity.dxf.get("subdivision_levels", 0) > 0
         elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
             builder = MeshBuilder.from_polyface(entity)
             found = builder.vertices, builder.faces
         elif kind in ACIS_ENTITIES | FLAT_ENTITIES:
-            others[kind] += is_picked
+            unread.setdefault(layer, Counter())[kind] += 1
         if found is not None:
-            on_it = faces.setdefault(on_layer, [])
-            if is_picked:
-                on_it.append((np.array([tuple(v) for v in found[0]], dtype=np.float64), triangles(found[1])))
-    others = +others
-    if not _picks_any(layer, faces):
-        raise _without_faces(layer, _contents(entities))
-    if others:
-        left_out = ", ".join(f"{count} {kind}" for kind, count in others.items())
-        logging.warning("%s: also holds %s, of which no faces are read: left out", path, left_out)
-    faces = _without_hidden(path, faces, layer, hidden)
-    for on_layer in faces:
-        if smoothed[on_layer]:
-            logging.warning(
-                "%s: layer %s: %d MESH are shown smooth (subdivision levels); their cages are used, which reach "
-                "further out: export the smoothed mesh if that is meant",
-                path, on_layer, smoothed[on_layer],
-            )  # fmt: skip
-    return faces, unit
+            mesh = np.array([tuple(v) for v in found[0]], dtype=np.float64), triangles(found[1])
+            meshes.setdefault(layer, []).append(mesh)
+    layers = {
+        name: LayerFaces(join(meshes[name]) if name in meshes else None, unread.get(name, Counter()), smoothed[name])
+        for name in dict.fromkeys([*meshes, *unread])
+    }
+    return layers, code, hidden
 
 
 def _without_hidden(path: Path, parts: dict[str, Part], layer: str | None, hidden: dict[str, str]) -> dict[str, Part]:
@@ -170,7 +203,7 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
 
     layer: what will be chosen; hidden layers that only a pattern fits are left out.
     """
-    entities, unit, hidden = _open(path)
+    entities, code, hidden = _parsed(path)
     outlines: dict[str, list[np.ndarray]] = {}
     for kind, on_layer, entity in entities:
         is_outline = kind in OUTLINE_ENTITIES and not getattr(entity, "is_poly_face_mesh", False)
@@ -182,7 +215,7 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
             outlines.setdefault(on_layer, []).append(points[:-1])
     if not _picks_any(layer, outlines):
         raise _without_outlines(layer, _contents(entities))
-    return _without_hidden(path, outlines, layer, hidden), unit
+    return _without_hidden(path, outlines, layer, hidden), _unit(path, code)
 
 
 def _is_closed(polyline: LWPolyline | Polyline) -> bool:
@@ -193,23 +226,20 @@ def _is_closed(polyline: LWPolyline | Polyline) -> bool:
     return len(points) > 3 and tuple(points[0]) == tuple(points[-1])
 
 
-def _open(path: Path) -> tuple[list[tuple[str, str, Any]], float | None, dict[str, str]]:
-    """Kind, layer and entity of all of the drawing, metres of its unit (None if it names none, NaN if that is not
-    known), and its hidden layers with how they are hidden. Raises InputError."""
-    stamp = path.stat()
-    entities, code, hidden = _parsed(path, stamp.st_mtime_ns, stamp.st_size)
+def _unit(path: Path, code: int) -> float | None:
+    """Metres of the unit of a drawing's $INSUNITS; None if it names none, NaN if that is not known."""
     if code == 0:
         logging.info("%s: names no unit ($INSUNITS): metres, unless `units` says otherwise", path)
-        return entities, None, hidden
+        return None
     unit = METRES_PER_DXF_UNIT.get(code, math.nan)
     if unit != 1.0:
         logging.warning("%s: drawn in units of %g m ($INSUNITS %d), and read so", path, unit, code)
-    return entities, unit, hidden
+    return unit
 
 
-@functools.lru_cache(maxsize=1)  # hundreds of stopes are layers of one drawing
-def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, Any]], int, dict[str, str]]:
-    """Kind, layer and entity of all of a drawing as it is at this time, blocks unfolded, its $INSUNITS, and its layers
+@parsed_once(1)  # its entities take much memory
+def _parsed(path: Path) -> tuple[list[tuple[str, str, Any]], int, dict[str, str]]:
+    """Kind, layer and entity of all of a drawing, blocks unfolded, its $INSUNITS, and its layers
     that are off or frozen."""
     raw = path.read_bytes()
     if raw.count(b"\nINSERT\r\n") + raw.count(b"\nINSERT\n") > MAX_INSERTED_ENTITIES:

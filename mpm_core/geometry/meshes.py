@@ -3,8 +3,9 @@
 A file may hold several bodies: layers of a drawing, elements of a project, objects of a mesh. They are chosen by name.
 """
 
+import functools
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TypeVar
@@ -14,10 +15,12 @@ import numpy as np
 from common.errors import InputError
 
 ALL_NAMES = "*"  # As element or layer it stands for all of them, which are one solid together.
+UNNAMED = "unnamed"  # Name of the faces of an OBJ file that are in no object or group.
 MAX_NAMES_SHOWN = 20
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 STL_HEADER = 84  # bytes: 80 of text, then the number of triangles
 Part = TypeVar("Part")
+Parsed = TypeVar("Parsed")
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3), triangles (f, 3)
 
 
@@ -36,6 +39,25 @@ def choose(parts: dict[str, list[Part]], named: str | None, what: str) -> list[P
     if not found:
         raise InputError(f"{what} {named!r} is not one of {shown(parts)}")
     return found
+
+
+def parsed_once(files: int) -> Callable[[Callable[[Path], Parsed]], Callable[[Path], Parsed]]:
+    """Decorator of a parser of a path: it parses a file again only if the file has changed since.
+
+    files: number of files whose content is kept. Hundreds of stopes are bodies of one file.
+    """
+
+    def decorate(parse: Callable[[Path], Parsed]) -> Callable[[Path], Parsed]:
+        known = functools.lru_cache(maxsize=files)(lambda path, modified, size: parse(path))
+
+        @functools.wraps(parse)
+        def parsed(path: Path) -> Parsed:
+            stamp = path.stat()
+            return known(path, stamp.st_mtime_ns, stamp.st_size)
+
+        return parsed
+
+    return decorate
 
 
 def shown(names: Iterable[str]) -> str:
@@ -60,19 +82,40 @@ def triangles(faces: list) -> np.ndarray:
 
 def read_stl(path: Path, element: str | None = None) -> Mesh:
     """Every body of an STL file together, or the `solid` of a text file by its name."""
+    if not _is_text_stl(path):
+        raw = path.read_bytes()
+        return _binary_stl(raw, _announced(raw), element)
+    return join(choose(_parsed_stl(path), element or ALL_NAMES, "element"))
+
+
+def stl_names(path: Path) -> list[str]:
+    """Names of the solids of a text STL file; none of a binary one."""
+    return list(_parsed_stl(path)) if _is_text_stl(path) else []
+
+
+def _announced(raw: bytes) -> int:
+    """Number of triangles that the head of a binary STL file announces."""
+    return int.from_bytes(raw[80:STL_HEADER], "little")
+
+
+def _is_text_stl(path: Path) -> bool:
     raw = path.read_bytes()
     is_text = raw[:512].lstrip()[:5].lower() == b"solid" and b"vertex" in raw[:4096].lower()
-    counted = int.from_bytes(raw[80:STL_HEADER], "little")
-    if len(raw) == STL_HEADER + counted * STL_FACET.itemsize or not is_text:
-        return _binary_stl(raw, counted, element)
+    return is_text and len(raw) != STL_HEADER + _announced(raw) * STL_FACET.itemsize
+
+
+@parsed_once(8)
+def _parsed_stl(path: Path) -> dict[str, list[Mesh]]:
+    """Solids of a text STL file by name."""
     import trimesh
 
     scene = trimesh.load_scene(path, process=False)  # trimesh would merge vertices that are near, not equal
     bodies = {name: [(np.asarray(body.vertices), np.asarray(body.faces))] for name, body in scene.geometry.items()}
     if len(bodies) == 1:  # trimesh names a lone one after its file
-        first = raw[:512].split(b"\n")[0].decode(errors="replace").strip()
+        with path.open("rb") as file:
+            first = file.read(512).split(b"\n")[0].decode(errors="replace").strip()
         bodies = {first[len("solid") :].strip(): next(iter(bodies.values()))}
-    return join(choose(bodies, element or ALL_NAMES, "element"))
+    return bodies
 
 
 def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
@@ -90,9 +133,39 @@ def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
 
 
 def read_obj(path: Path, element: str | None = None) -> Mesh:
-    """Every body of an OBJ file together, or those of one object (`o`) or group (`g`). Faces may have many corners."""
+    """Every body of an OBJ file together, or those of one object (`o`) or group (`g`). Faces may have many corners.
+
+    The vertices are those that the faces use.
+    """
+    places, bodies = _parsed_obj(path)
+    if element is None:
+        chosen = list(bodies.values())
+    else:
+        parts: dict[str, list[np.ndarray]] = {}
+        for names, body in bodies.items():
+            for name in dict.fromkeys(name for name in names if name) or (UNNAMED,):
+                parts.setdefault(name, []).append(body)
+        chosen = list({id(body): body for body in choose(parts, element, "element")}.values())
+    facets = np.concatenate([np.zeros((0, 3), np.int64), *chosen])
+    if len(facets) and (facets.min() < 0 or facets.max() >= len(places)):
+        return places, facets  # the caller refuses them
+    used, facets = np.unique(facets, return_inverse=True)
+    return places[used], facets.reshape(-1, 3)
+
+
+def obj_names(path: Path) -> list[str]:
+    """Names of the objects of an OBJ file, and of the groups that are in none; none of a file that names none."""
+    _, bodies = _parsed_obj(path)
+    names = list(dict.fromkeys(name or group or UNNAMED for name, group in bodies))
+    return [] if names == [UNNAMED] else names
+
+
+@parsed_once(8)
+def _parsed_obj(path: Path) -> tuple[np.ndarray, dict[tuple[str, str], np.ndarray]]:
+    """Vertices (v, 3) of an OBJ file, and triangles (f, 3) by object and group, which are empty texts where it names
+    none. Raises InputError for a file without faces."""
     vertices, named = [], ["", ""]
-    bodies: dict[tuple[str, ...], list] = {}
+    bodies: dict[tuple[str, str], list] = {}
     faces = bodies.setdefault(("", ""), [])
     with path.open(encoding="utf-8", errors="replace") as lines:
         rest = ""
@@ -113,18 +186,9 @@ def read_obj(path: Path, element: str | None = None) -> Mesh:
                 faces.append([corner - 1 if corner > 0 else len(vertices) + corner for corner in corners])
             elif words[0] in ("o", "g"):
                 named["og".index(words[0])] = " ".join(words[1:])
-                faces = bodies.setdefault(tuple(named), [])
-    parts: dict[str, list[list]] = {}
-    for names, body in bodies.items():
-        for name in dict.fromkeys(name for name in names if name) or ("unnamed",):
-            if body:
-                parts.setdefault(name, []).append(body)
-    if element is None:
-        chosen = list(bodies.values())
-    else:
-        chosen = list({id(body): body for body in choose(parts, element, "element")}.values())
+                faces = bodies.setdefault((named[0], named[1]), [])
     places = np.array(vertices, dtype=np.float64).reshape(-1, 3)
-    return places, triangles([face for body in chosen for face in body])
+    return places, {names: triangles(body) for names, body in bodies.items() if body}
 
 
 def read_ply(path: Path) -> Mesh:
@@ -139,6 +203,22 @@ def read_ply(path: Path) -> Mesh:
 
 def read_omf(path: Path, element: str | None = None) -> Mesh:
     """Triangulated surfaces of an OMF 1 project, each moved by its own origin and the project's."""
+    surfaces, others = _parsed_omf(path)
+    if others and (not surfaces or element in others):
+        names = ", ".join(others)
+        raise InputError(f"{names}: no triangulated surface (points, lines, blocks or a height field): export one")
+    return join(choose(surfaces, element, "element"))
+
+
+def omf_names(path: Path) -> list[str]:
+    """Names of the triangulated surfaces of an OMF project, a repeated one as often as it is there."""
+    surfaces, _ = _parsed_omf(path)
+    return [name for name, meshes in surfaces.items() for _ in meshes]
+
+
+@parsed_once(8)
+def _parsed_omf(path: Path) -> tuple[dict[str, list[Mesh]], list[str]]:
+    """Triangulated surfaces of a project by name, and names of its other elements."""
     import omf
 
     with path.open("rb") as file:
@@ -156,7 +236,4 @@ def read_omf(path: Path, element: str | None = None) -> Mesh:
             surfaces.setdefault(part.name, []).append(mesh)
         else:
             others.append(part.name)
-    if others and (not surfaces or element in others):
-        names = ", ".join(others)
-        raise InputError(f"{names}: no triangulated surface (points, lines, blocks or a height field): export one")
-    return join(choose(surfaces, element, "element"))
+    return surfaces, others

@@ -11,7 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
-from mpm_core.geometry.meshes import Mesh, choose, join, read_obj, read_omf, read_ply, read_stl
+from mpm_core.geometry.meshes import (
+    Mesh,
+    choose,
+    join,
+    obj_names,
+    omf_names,
+    read_obj,
+    read_omf,
+    read_ply,
+    read_stl,
+    stl_names,
+)
 from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid, unique_rows
@@ -114,6 +125,40 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     return solid
 
 
+@dataclass(frozen=True)
+class Body:
+    """A body of a file: its name, and the keys of Picked that choose it. A file that names none has one, of its own
+    name."""
+
+    name: str
+    keys: dict[str, str]
+    hidden: bool = False
+    """True on a layer that is off or frozen in the drawing"""
+
+
+def bodies_in(path: Path) -> list[Body]:
+    """Bodies of a file in their order: layers of a DXF drawing that hold faces, surfaces of an OMF project, objects of
+    an OBJ file (groups where it has none), solids of a text STL file.
+
+    Raises InputError naming the file if it is missing, unreadable or of another format.
+    """
+    of_elements = {".obj": obj_names, ".omf": omf_names, ".stl": stl_names, ".ply": lambda path: []}
+    ending = path.suffix.lower()
+    if ending == ".dxf":
+        layers = _read(path, "", lambda: _layers(path))
+        return [Body(name, {"layer": name}, hidden) for name, hidden in layers.items()]
+    if ending not in of_elements:
+        raise InputError(f"{path}: not one of the formats .dxf, {', '.join(of_elements)}: export it as one of these")
+    names = [name for name in _read(path, "", lambda: of_elements[ending](path)) if name]
+    return [Body(name, {"element": name}) for name in names] or [Body(path.stem, {})]
+
+
+def _layers(path: Path) -> dict[str, bool]:
+    from mpm_core.geometry.dxf import layers_with_faces
+
+    return layers_with_faces(path)
+
+
 def read_outlines(path: str | Path, name: str, picked: Picked, height: float | None = None) -> list[Outline]:
     """Outlines with their holes (point, 3) m of the closed polylines of a DXF drawing, or of its layer; arcs as chords.
 
@@ -154,20 +199,17 @@ def _placed(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_uni
 
 
 def _read(path: Path, name: str, reader: Callable):
-    """The result of the reader; any error in it becomes one line."""
+    """The result of the reader; any error in it becomes one line. name: of the solid; empty for that of all."""
+    where = f"{path}: {name}" if name else f"{path}"
     if not path.is_file():
-        raise InputError(
-            f"{path}: {name}: no such file; relative paths start at the folder of the mine's configuration"
-        )
+        raise InputError(f"{where}: no such file; relative paths start at the folder of the mine's configuration")
     try:
         return reader()
     except InputError as error:
-        raise InputError(f"{path}: {name}: {error}") from error
+        raise InputError(f"{where}: {error}") from error
     except Exception as error:  # the parsers raise whatever they stumble over
         reason = " ".join(str(error).split())[:200]
-        raise InputError(
-            f"{path}: {name}: unreadable as {path.suffix[1:].upper()} ({reason}): export it again"
-        ) from error
+        raise InputError(f"{where}: unreadable as {path.suffix[1:].upper()} ({reason}): export it again") from error
 
 
 def _read_dxf(path: Path, layer: str | None) -> tuple[Mesh, float | None]:

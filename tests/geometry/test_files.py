@@ -9,7 +9,7 @@ from ezdxf.render import MeshBuilder
 
 from common.errors import InputError
 from mpm_core.geometry import Solid, build_shape, read_solid
-from mpm_core.geometry.solid_files import Picked, read_outlines
+from mpm_core.geometry.solid_files import Picked, bodies_in, read_outlines
 
 OFFSET = np.array([512000.0, 4096000.0, -250.0])
 BOX = build_shape({"name": "b", "shape": "box", "lower": [0, 0, 0], "upper": [8, 4, 2]}, 3)
@@ -214,3 +214,68 @@ def test_missing_foreign_and_misdirected_files_are_refused(tmp_path):
         read_solid(tmp_path / "stope.docx", "stope")
     with pytest.raises(InputError, match="`layer` for DXF"):
         read_solid(tmp_path / "stope.stl", "stope", layer="S1")
+
+
+# ---- files with many bodies ----
+
+ROW = {f"S{number}": Solid("s", BOX.vertices + np.array([20 * number, 0, 0]), BOX.facets) for number in range(4)}
+
+
+def write_obj(path, solids: dict[str, Solid], word="o"):
+    lines, before = [], 1
+    for name, solid in solids.items():
+        lines += [f"{word} {name}"]
+        lines += [f"v {x} {y} {z}" for x, y, z in solid.vertices] + [
+            f"f {a} {b} {c}" for a, b, c in solid.facets + before
+        ]
+        before += len(solid.vertices)
+    path.write_text("\n".join(lines))
+
+
+def test_bodies_of_a_drawing_are_its_layers_with_faces(tmp_path):
+    write_dxf(tmp_path / "many.dxf", ROW, "3DFACE")
+    drawing = ezdxf.readfile(tmp_path / "many.dxf")
+    drawing.modelspace().add_line((0, 0), (5, 5), dxfattribs={"layer": "GRID"})
+    drawing.layers.add("S2").freeze()
+    drawing.saveas(tmp_path / "many.dxf")
+    found = bodies_in(tmp_path / "many.dxf")
+    assert [(body.name, body.keys, body.hidden) for body in found] == [
+        (name, {"layer": name}, name == "S2") for name in ROW
+    ]
+
+
+def test_bodies_of_other_files(tmp_path):
+    """Surfaces, groups, and formats or files without names."""
+    write_omf(tmp_path / "many.omf", ROW)
+    write_obj(tmp_path / "groups.obj", ROW, "g")
+    write_obj(tmp_path / "one.obj", {"S0": BOX}, "#")
+    mesh = trimesh.Trimesh(BOX.vertices, BOX.facets, process=False)
+    mesh.export(tmp_path / "binary.stl")
+    mesh.export(tmp_path / "box.ply")
+    for name in ("many.omf", "groups.obj"):
+        assert [(body.name, body.keys) for body in bodies_in(tmp_path / name)] == [(n, {"element": n}) for n in ROW]
+    for name in ("one.obj", "binary.stl", "box.ply"):
+        assert [(body.name, body.keys) for body in bodies_in(tmp_path / name)] == [(name[:-4], {})]
+    with pytest.raises(InputError, match=r"box\.off: no such file|not one of the formats"):
+        bodies_in(tmp_path / "box.off")
+    with pytest.raises(InputError, match=r"no\.dxf: no such file"):
+        bodies_in(tmp_path / "no.dxf")
+
+
+@pytest.mark.parametrize("ending", ["dxf", "obj", "omf"])
+def test_a_file_of_many_bodies_is_parsed_once_until_it_changes(tmp_path, monkeypatch, ending):
+    path, parsed = tmp_path / f"many.{ending}", []
+    module, parser = {"dxf": (ezdxf, "readfile"), "omf": (omf, "OMFReader"), "obj": (type(path), "open")}[ending]
+    write = {"dxf": lambda path, solids: write_dxf(path, solids, "3DFACE"), "obj": write_obj, "omf": write_omf}[ending]
+    write(path, ROW)
+    real = getattr(module, parser)
+    monkeypatch.setattr(module, parser, lambda *args, **keys: parsed.append(1) or real(*args, **keys))
+    for body in bodies_in(path):
+        solid = read_solid(path, "s", **body.keys)
+        np.testing.assert_array_equal(solid.bounds, ROW[body.name].bounds)
+        assert len(solid.vertices) == 8
+    once = len(parsed)
+    write(path, {"S0": ROW["S3"], "S1": ROW["S1"]})
+    np.testing.assert_array_equal(read_solid(path, "s", Picked(**bodies_in(path)[0].keys)).bounds, ROW["S3"].bounds)
+    assert once == 1
+    assert len(parsed) > once
