@@ -83,9 +83,9 @@ class Record(EventFileSettings):
     date_order: Literal["day", "month"] = None
     """Which number comes first in 01/02/2019. Default: found from the file."""
     time_zone: str = None
-    """Time zone of times without an offset: Australia/Hobart, +10:00, UTC. Default: UTC. Required if the name of a
-    column of time says local, or states an offset. An hour that occurs twice, at the end of summer time, is read as the
-    later one."""
+    """Time zone of times without an offset: Australia/Hobart, +10:00, UTC. Abbreviations such as EST are refused.
+    Default: UTC. Required if the name of a column of time says local, or states an offset. An hour that occurs twice,
+    at the end of summer time, is read as the later one."""
     energy_conversion: EnergyConversion = None
     """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. There is no default."""
     encoding: str = None

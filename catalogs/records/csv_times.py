@@ -18,6 +18,7 @@ from catalogs.records.times import (
     shown_twice,
     times_of_numbers,
     times_of_parts,
+    zones_of_abbreviation,
 )
 from common.errors import InputError
 
@@ -77,6 +78,8 @@ def _times(
     if wrong.any():
         is_number = re.fullmatch(r"[-+]?\d+[.,]?\d*", text[wrong].iloc[0])
         remedy = f"say record.time_format: {', '.join(EPOCHS)}" if is_number else "write 2019-08-01T12:00:00"
+        if meant := zones_of_abbreviation(text[wrong].iloc[0]):
+            remedy = f"take the abbreviation of the zone out, and name a place with record.time_zone: {meant}"
         table.refuse(wrong, columns[0], f"({text[wrong].iloc[0]}) is not a date and time", remedy)
     return time, local
 

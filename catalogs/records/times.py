@@ -47,6 +47,31 @@ CLOCK_PARTS = {
 }  # unit, below
 # Offsets from UTC, minutes: those in use, west of the date line and east of it.
 FIRST_OFFSET, LAST_OFFSET, OFFSET_STEP = -12 * 60, 14 * 60, 15
+# Abbreviations of zones, and names of the IANA database that they may mean. Many mean several offsets, and the database
+# holds a few of them: its EST is five hours behind UTC, its CET has summer time.
+ZONES_OF_ABBREVIATION = {
+    **dict.fromkeys(("EST", "EDT"), "America/Toronto, Australia/Sydney, Australia/Brisbane"),
+    **dict.fromkeys(("AEST", "AEDT", "AET"), "Australia/Sydney, Australia/Hobart, Australia/Brisbane"),
+    **dict.fromkeys(("CST", "CDT"), "America/Chicago, Asia/Shanghai, Australia/Adelaide, Australia/Darwin"),
+    **dict.fromkeys(("ACST", "ACDT"), "Australia/Adelaide, Australia/Broken_Hill, Australia/Darwin"),
+    **dict.fromkeys(("WST", "AWST"), "Australia/Perth"),
+    **dict.fromkeys(("MST", "MDT"), "America/Denver, America/Phoenix, Asia/Kuala_Lumpur"),
+    **dict.fromkeys(("PST", "PDT"), "America/Vancouver, America/Los_Angeles, Asia/Manila"),
+    **dict.fromkeys(("AST", "ADT"), "America/Halifax, Asia/Riyadh"),
+    **dict.fromkeys(("AKST", "AKDT"), "America/Anchorage"),
+    **dict.fromkeys(("NST", "NDT"), "America/St_Johns"),
+    **dict.fromkeys(("NZST", "NZDT"), "Pacific/Auckland"),
+    **dict.fromkeys(("CLT", "CLST"), "America/Santiago"),
+    **dict.fromkeys(("CET", "CEST", "MET", "MEZ", "MESZ"), "Europe/Warsaw, Europe/Stockholm, Africa/Algiers"),
+    **dict.fromkeys(("EET", "EEST"), "Europe/Helsinki, Africa/Cairo"),
+    **dict.fromkeys(("WET", "WEST"), "Europe/Lisbon, Africa/Casablanca"),
+    "BRT": "America/Sao_Paulo", "PET": "America/Lima", "HST": "Pacific/Honolulu", "BST": "Europe/London, Asia/Dhaka",
+    "IST": "Asia/Kolkata, Europe/Dublin, Asia/Jerusalem", "MSK": "Europe/Moscow", "SAST": "Africa/Johannesburg",
+    "CAT": "Africa/Harare", "EAT": "Africa/Nairobi", "WAT": "Africa/Lagos", "GST": "Asia/Dubai, Pacific/Guam",
+    "SST": "Asia/Singapore, Pacific/Pago_Pago", "JST": "Asia/Tokyo", "KST": "Asia/Seoul", "HKT": "Asia/Hong_Kong",
+    "WIB": "Asia/Jakarta",
+}  # fmt: skip
+MACHINE_ZONES = ("localtime", "posixrules", "factory")  # The first two are what a computer was set up with.
 NANOSECONDS_PER = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
 
 
@@ -73,7 +98,8 @@ def offset_refusal(text: str, where: str) -> InputError:
 
 
 def check_zone(zone: str) -> datetime.tzinfo:
-    """The time zone of an IANA name ("Australia/Hobart") or an offset ("+10:00"). Raises InputError."""
+    """The time zone of an IANA name ("Australia/Hobart") or an offset ("+10:00"). Raises InputError, also for an
+    abbreviation."""
     fixed = re.fullmatch(r"(?:UTC|GMT)?([-+])(\d{1,2}):?(\d{2})?", zone)
     if fixed:
         hours, minutes = int(fixed[2]), int(fixed[3] or 0)
@@ -81,12 +107,25 @@ def check_zone(zone: str) -> datetime.tzinfo:
             raise offset_refusal(zone, "record.time_zone")
         ahead = datetime.timedelta(hours=hours, minutes=minutes)
         return datetime.timezone(ahead if fixed[1] == "+" else -ahead)
+    if meant := ZONES_OF_ABBREVIATION.get(zone.strip().upper()):
+        raise InputError(
+            f"record.time_zone: {zone!r} is an abbreviation, and many mean several offsets from UTC; name a place, "
+            f"{meant}, or an offset such as +10:00"
+        )
     try:
+        if zone.lower() in MACHINE_ZONES:
+            raise LookupError(zone)
         return ZoneInfo(zone)
     except (ValueError, OSError, LookupError) as error:
         raise InputError(
             f"record.time_zone: {zone!r} is no zone; give a name such as Australia/Hobart, or +10:00"
         ) from error
+
+
+def zones_of_abbreviation(text: str) -> str:
+    """IANA names, separated by commas, that an abbreviation of a zone at the end of a text may mean; empty without."""
+    word = re.search(r"(?:^|[\W\d_])([A-Za-z]+)\W*$", text)
+    return ZONES_OF_ABBREVIATION.get(word[1].upper(), "") if word else ""
 
 
 def parse_time(text: str, where: str) -> np.datetime64:
