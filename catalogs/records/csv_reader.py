@@ -91,9 +91,9 @@ class Record(EventFileSettings):
     encoding: str = None
     """Encoding of a file that is not in UTF-8 or UTF-16: gbk, shift_jis, cp1252. It is needed only if names of columns
     or texts depend on it."""
-    time_format: Literal["excel", "excel_1904", "unix", "unix_ms"] = None
-    """Format of times that are numbers. `excel`, `excel_1904`: days of a worksheet since 1900 or 1904. `unix`,
-    `unix_ms`: seconds or milliseconds since 1970, UTC."""
+    time_format: Literal["excel", "excel_1904", "matlab", "unix", "unix_ms"] = None
+    """Format of times that are numbers. `excel`, `excel_1904`: days of a worksheet since 1900 or 1904. `matlab`: days
+    of MATLAB (datenum), since year 0. `unix`, `unix_ms`: seconds or milliseconds since 1970, UTC."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

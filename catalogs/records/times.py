@@ -34,11 +34,12 @@ OFFSET_OF_ISO = re.compile(r"[T ]\d[\d:.,]*\s*([-+\u2212])(\d{1,2})(?::?(\d{2}))
 DAY, ONE_SECOND, MILLISECOND, MICROSECOND = (
     np.timedelta64(size, "ns") for size in (86_400 * 10**9, 10**9, 10**6, 10**3)
 )
-EPOCHS = {  # of times that are numbers: day zero, unit, to which it is rounded
-    "excel": (np.datetime64("1899-12-30", "ns"), DAY, MILLISECOND),  # a day off before March 1900, as the program is
-    "excel_1904": (np.datetime64("1904-01-01", "ns"), DAY, MILLISECOND),
-    "unix": (np.datetime64("1970-01-01", "ns"), ONE_SECOND, MICROSECOND),
-    "unix_ms": (np.datetime64("1970-01-01", "ns"), MILLISECOND, MICROSECOND),
+EPOCHS = {  # of times that are numbers: an instant, its number, unit, to which it is rounded
+    "excel": (np.datetime64("1899-12-30", "ns"), 0, DAY, MILLISECOND),  # a day off before March 1900, as the program is
+    "excel_1904": (np.datetime64("1904-01-01", "ns"), 0, DAY, MILLISECOND),
+    "matlab": (np.datetime64("1970-01-01", "ns"), 719_529, DAY, MILLISECOND),  # nanoseconds do not reach its year 0
+    "unix": (np.datetime64("1970-01-01", "ns"), 0, ONE_SECOND, MICROSECOND),
+    "unix_ms": (np.datetime64("1970-01-01", "ns"), 0, MILLISECOND, MICROSECOND),
 }
 CLOCK_PARTS = {
     "hour": (60 * 60 * ONE_SECOND, 24),
@@ -197,8 +198,8 @@ def times_of_numbers(values: np.ndarray, form: str, zone: str | None, source: st
     form: one of EPOCHS; days are rounded to milliseconds, which a worksheet has, seconds to microseconds, which a
     number of 16 digits has. zone: of days, as of parse_times; Unix time is UTC. Raises InputError as it.
     """
-    epoch, unit, step = EPOCHS[form]
-    steps = np.round(values * (unit / step))
+    epoch, number, unit, step = EPOCHS[form]
+    steps = np.round((values - number) * (unit / step))
     first, last = (
         np.datetime64(f"{year}-01-01").astype("datetime64[s]").astype(float) * (ONE_SECOND / step)
         - epoch.astype(float) / step.astype(float)
@@ -208,7 +209,7 @@ def times_of_numbers(values: np.ndarray, form: str, zone: str | None, source: st
     if strange.any():
         raise InputError(
             f"{source}: {values[strange][0]:.17g} is no time of record.time_format: {form}: years run from "
-            f"{FIRST_YEAR} to {LAST_YEAR} here"
+            f"{FIRST_YEAR} to {LAST_YEAR} here; it may be {formats_of_number(values[strange][0])}"
         )
     known = np.isfinite(steps)
     time = np.full(len(values), np.datetime64("NaT", "ns"))
@@ -218,6 +219,16 @@ def times_of_numbers(values: np.ndarray, form: str, zone: str | None, source: st
     if zone is not None:
         time = _to_utc(time, zone)
     return time, int(known.sum())
+
+
+def formats_of_number(number: float) -> str:
+    """Formats of EPOCHS by which a number is a time, each with its day, in a list for a message; else all of them."""
+    days = {}
+    for form, (epoch, zero, unit, _) in EPOCHS.items():
+        second = (number - zero) * (unit / ONE_SECOND) + epoch.astype("datetime64[s]").astype(float)
+        if FIRST.astype("datetime64[s]").astype(float) <= second <= LAST.astype("datetime64[s]").astype(float):
+            days[form] = str(np.datetime64(int(second), "s"))[:10]
+    return ", ".join(f"{form} ({day})" for form, day in days.items()) or ", ".join(EPOCHS)
 
 
 def times_of_parts(parts: Mapping[str, np.ndarray], zone: str | None) -> tuple[np.ndarray, int]:
