@@ -7,16 +7,15 @@ import functools
 import logging
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 import ezdxf
 import numpy as np
-from ezdxf.disassemble import recursive_decompose
 from ezdxf.document import Drawing
-from ezdxf.entities import LWPolyline, Polyline
+from ezdxf.entities import Insert, LWPolyline, Polyline
 from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
@@ -34,6 +33,7 @@ ACIS_ENTITIES = {
 }  # fmt: skip
 FLAT_ENTITIES = {"SOLID", "TRACE", "HATCH"}
 OUTLINE_ENTITIES = ("LWPOLYLINE", "POLYLINE")
+LAYER_OF_INSERT = "0"  # on which the contents of a block take the layer of its insert
 FACES, OUTLINES = "faces", "outlines"  # sorts of entities that solids and prisms are read from
 PRISM_REMEDY = "give shape: prism with lower and upper to extrude them, or draw the solid's faces"
 MAX_INSERTED_ENTITIES = 300_000  # Entities to which a drawing's blocks may unfold.
@@ -223,19 +223,29 @@ def _parsed(path: Path, modified: int, size: int) -> tuple[list[tuple[str, str, 
             f"its inserted blocks unfold to {unfolded:.3g} entities, more than {MAX_INSERTED_ENTITIES:,}: export the "
             "solid alone, as plain faces"
         )
-    entities = list(recursive_decompose(drawing.modelspace()))
+    entities = list(_decomposed(drawing.modelspace()))
     names = {layer.dxf.name.lower(): layer.dxf.name for layer in drawing.layers}  # capitals make no other layer
-    on_layer = [entity.dxf.get("layer", "0") for entity in entities]
-    listed = [
-        (entity.dxftype(), names.setdefault(name.lower(), name), entity)
-        for entity, name in zip(entities, on_layer, strict=True)
-    ]
+    listed = [(entity.dxftype(), names.setdefault(name.lower(), name), entity) for name, entity in entities]
     hidden = {
         layer.dxf.name: "frozen" if layer.is_frozen() else "off"
         for layer in drawing.layers
         if layer.is_frozen() or layer.is_off()
     }
     return listed, drawing.header.get("$INSUNITS", 0), hidden
+
+
+def _decomposed(entities: Iterable[Any], insert_layer: str = LAYER_OF_INSERT) -> Iterator[tuple[str, Any]]:
+    """Layer and entity of all entities, inserted blocks unfolded: what a block holds on layer 0 is on the layer of its
+    insert (insert_layer), as in CAD."""
+    for entity in entities:
+        layer = entity.dxf.get("layer", LAYER_OF_INSERT)
+        layer = insert_layer if layer == LAYER_OF_INSERT else layer
+        if not isinstance(entity, Insert):
+            yield layer, entity
+        else:
+            inserts = entity.multi_insert() if entity.mcount > 1 else [entity]
+            for insert in inserts:
+                yield from _decomposed(insert.virtual_entities(), layer)
 
 
 def _unfolded(drawing: Drawing, layout, known: dict[str, int]) -> int:

@@ -207,6 +207,46 @@ def test_acis_bodies_and_flat_faces_are_named(tmp_path, caplog):
     assert "also holds 1 3DSOLID, 1 REGION" in caplog.text
 
 
+def block_of_box(document, name: str, layer: str) -> None:
+    """A block with the faces of BOX on a layer."""
+    block = document.blocks.new(name)
+    for facet in BOX.facets:
+        block.add_3dface(BOX.vertices[facet], dxfattribs={"layer": layer})
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_what_a_block_holds_on_layer_0_is_on_the_layer_of_its_insert(tmp_path, rows):
+    """Through blocks within blocks, too; what it holds on another layer stays there."""
+
+    def add(document, space):
+        block_of_box(document, "inner", "0")
+        block_of_box(document, "own", "OWN")
+        middle = document.blocks.new("middle")
+        middle.add_blockref("inner", (0, 0, 0), dxfattribs={"layer": "0"})
+        middle.add_blockref("inner", (0, 0, 50), dxfattribs={"layer": "DEEP"})
+        grid = {"row_count": rows, "row_spacing": 100}
+        space.add_blockref("inner", (0, 0, 0), dxfattribs={"layer": "STOPE", **grid})
+        space.add_blockref("middle", (20, 0, 0), dxfattribs={"layer": "STOPE"})
+        space.add_blockref("own", (40, 0, 0), dxfattribs={"layer": "STOPE"})
+        space.add_blockref("inner", (60, 0, 0))
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    assert read_solid(path, "stope", layer="STOPE").volume == pytest.approx(64 * (rows + 1))
+    for layer, x in (("DEEP", 20), ("OWN", 40), ("0", 60)):
+        found = read_solid(path, "stope", layer=layer)
+        assert (found.volume, found.bounds[0][0]) == (pytest.approx(64), x)
+
+
+def test_an_outline_of_a_block_is_on_the_layer_of_its_insert(tmp_path):
+    def add(document, space):
+        document.blocks.new("ring").add_lwpolyline([(0, 0), (4, 0), (4, 4), (0, 4)], close=True)
+        space.add_blockref("ring", (0, 0), dxfattribs={"layer": "RING"})
+
+    path = drawing(tmp_path / "ring.dxf", add)
+    solid = solid_of({"file": str(path), "shape": "prism", "layer": "RING", "lower": 0.0, "upper": 2.0})
+    assert solid.volume == pytest.approx(32)
+
+
 def test_blocks_scaled_turned_mirrored_and_in_rows(tmp_path):
     """Mirrored blocks are inside out."""
 
