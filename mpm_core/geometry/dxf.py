@@ -37,6 +37,7 @@ LAYER_OF_INSERT = "0"  # on which the contents of a block take the layer of its 
 FACES, OUTLINES = "faces", "outlines"  # sorts of entities that solids and prisms are read from
 PRISM_REMEDY = "give shape: prism with lower and upper to extrude them, or draw the solid's faces"
 MAX_INSERTED_ENTITIES = 300_000  # Entities to which a drawing's blocks may unfold.
+MIN_OUTLINE_CORNERS = 3
 MAX_CHORD_ERROR = 1e-3  # Largest distance of an arc from its chords, as a share of the outline's size.
 
 
@@ -57,18 +58,24 @@ def read_faces(path: Path, layer: str | None) -> tuple[dict[str, list[Mesh]], fl
             corners = entity.wcs_vertices()
             found = corners, [range(len(corners))]
         elif kind == "MESH":
-            builder = MeshBuilder.from_mesh(entity)
-            found = builder.vertices, builder.faces
+            found = entity.vertices, list(entity.faces)
             smoothed[on_layer] += is_picked and entity.dxf.get("subdivision_levels", 0) > 0
         elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
             builder = MeshBuilder.from_polyface(entity)
             found = builder.vertices, builder.faces
         elif kind in ACIS_ENTITIES | FLAT_ENTITIES:
             others[kind] += is_picked
-        if found is not None:
-            on_it = faces.setdefault(on_layer, [])
-            if is_picked:
-                on_it.append((np.array([tuple(v) for v in found[0]], dtype=np.float64), triangles(found[1])))
+        if found is None:
+            continue
+        facets = triangles(found[1])
+        if not len(facets):
+            others[f"{kind} without a face"] += is_picked
+            continue
+        if facets.max() >= len(found[0]):
+            raise InputError(f"layer {on_layer!r} holds a {kind} with faces of vertices that it lacks: export it again")
+        on_it = faces.setdefault(on_layer, [])
+        if is_picked:
+            on_it.append((np.array([tuple(v) for v in found[0]], dtype=np.float64), facets))
     others = +others
     if not _picks_any(layer, faces):
         raise _without_faces(layer, _contents(entities))
@@ -172,14 +179,23 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
     """
     entities, unit, hidden = _open(path)
     outlines: dict[str, list[np.ndarray]] = {}
+    short: Counter[str] = Counter()
     for kind, on_layer, entity in entities:
         is_outline = kind in OUTLINE_ENTITIES and not getattr(entity, "is_poly_face_mesh", False)
         if is_outline and not getattr(entity, "is_polygon_mesh", False) and _is_closed(entity):
             line = make_path(entity)
-            corners = np.array([tuple(point) for point in line.control_vertices()])
-            size = np.ptp(corners, axis=0).max(initial=0.0)
-            points = np.array([tuple(point) for point in line.flattening(max(MAX_CHORD_ERROR * size, 1e-9))])
-            outlines.setdefault(on_layer, []).append(points[:-1])
+            corners = np.array([tuple(point) for point in line.control_vertices()]).reshape(-1, 3)
+            size = np.ptp(corners, axis=0).max(initial=0.0) if len(corners) else 0.0
+            points = [tuple(point) for point in line.flattening(max(MAX_CHORD_ERROR * size, 1e-9))][:-1]
+            if len(points) < MIN_OUTLINE_CORNERS:
+                short[on_layer] += 1
+            else:
+                outlines.setdefault(on_layer, []).append(np.array(points))
+    for name, count in short.items():
+        if _picks_any(layer, [name]):
+            logging.warning(
+                "%s: layer %s: %d closed polylines with less than three corners: left out", path, name, count
+            )
     if not _picks_any(layer, outlines):
         raise _without_outlines(layer, _contents(entities))
     return _without_hidden(path, outlines, layer, hidden), unit

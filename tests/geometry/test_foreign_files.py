@@ -207,6 +207,63 @@ def test_acis_bodies_and_flat_faces_are_named(tmp_path, caplog):
     assert "also holds 1 3DSOLID, 1 REGION" in caplog.text
 
 
+EMPTY_MESHES = {
+    "polyface": lambda space: space.add_polyface(dxfattribs={"layer": "STOPE"}),
+    "polyface without corners": lambda space: space.add_polyface(dxfattribs={"layer": "STOPE"}).append_faces([[]]),
+}
+
+
+@pytest.mark.parametrize("kind", EMPTY_MESHES)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_mesh_without_a_face_is_left_out_and_named(tmp_path, caplog, kind, first):
+    def add(document, space):
+        steps = [lambda: add_box_mesh(space), lambda: EMPTY_MESHES[kind](space)]
+        for step in reversed(steps) if first else steps:
+            step()
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    assert read_solid(path, "stope", layer="STOPE").volume == pytest.approx(64)
+    assert "also holds 1 POLYLINE without a face" in caplog.text
+    alone = drawing(tmp_path / "alone.dxf", lambda _, space: EMPTY_MESHES[kind](space))
+    with pytest.raises(InputError, match=r"alone\.dxf: stope: holds no triangulated surface: export"):
+        read_solid(alone, "stope", layer="STOPE")
+
+
+def add_box_mesh(space) -> None:
+    builder = MeshBuilder()
+    builder.add_mesh(vertices=BOX.vertices.tolist(), faces=BOX.facets.tolist())
+    builder.render_polyface(space, dxfattribs={"layer": "STOPE"})
+
+
+def test_a_mesh_of_vertices_that_it_lacks_is_refused(tmp_path):
+    """Joined with other meshes, its faces took theirs."""
+
+    def add(document, space):
+        add_box_mesh(space)
+        with space.add_mesh(dxfattribs={"layer": "STOPE"}).edit_data() as data:
+            data.vertices = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+            data.faces = [(0, 1, 3)]
+        add_box_mesh(space)
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    with pytest.raises(InputError, match="layer 'STOPE' holds a MESH with faces of vertices that it lacks"):
+        read_solid(path, "stope", layer="STOPE")
+
+
+def test_a_closed_polyline_without_three_corners_is_left_out_and_named(tmp_path, caplog):
+    def add(document, space):
+        for points in ([(0, 0)], [(0, 0), (1, 0)], [(0, 0), (4, 0), (4, 4), (0, 4)]):
+            space.add_lwpolyline(points, close=True)
+
+    entry = {"shape": "prism", "lower": 0.0, "upper": 2.0}
+    path = drawing(tmp_path / "ring.dxf", add)
+    assert solid_of({"file": str(path), **entry}).volume == pytest.approx(32)
+    assert "layer 0: 2 closed polylines with less than three corners: left out" in caplog.text
+    point = drawing(tmp_path / "point.dxf", lambda _, space: space.add_lwpolyline([(0, 0)], close=True))
+    with pytest.raises(InputError, match=r"point\.dxf: stope: holds no closed polyline"):
+        solid_of({"file": str(point), **entry})
+
+
 def block_of_box(document, name: str, layer: str) -> None:
     """A block with the faces of BOX on a layer."""
     block = document.blocks.new(name)
