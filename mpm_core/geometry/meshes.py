@@ -4,6 +4,7 @@ A file may hold several bodies: layers of a drawing, elements of a project, obje
 """
 
 import logging
+import re
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -16,6 +17,7 @@ from common.errors import InputError
 ALL_NAMES = "*"  # As element or layer it stands for all of them, which are one solid together.
 MAX_NAMES_SHOWN = 20
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+NO_STL = "neither text with vertices nor binary with triangles: export it again"
 STL_HEADER = 84  # bytes: 80 of text, then the number of triangles
 Part = TypeVar("Part")
 Mesh = tuple[np.ndarray, np.ndarray]  # vertices (v, 3), triangles (f, 3)
@@ -61,16 +63,18 @@ def triangles(faces: list) -> np.ndarray:
 def read_stl(path: Path, element: str | None = None) -> Mesh:
     """Every body of an STL file together, or the `solid` of a text file by its name."""
     raw = path.read_bytes()
-    is_text = raw[:512].lstrip()[:5].lower() == b"solid" and b"vertex" in raw[:4096].lower()
+    has_zeros = b"\0" in raw  # numbers of binary STL have zero bytes, text has none; headers may begin with any word
     counted = int.from_bytes(raw[80:STL_HEADER], "little")
-    if len(raw) == STL_HEADER + counted * STL_FACET.itemsize or not is_text:
+    if has_zeros or len(raw) == STL_HEADER + counted * STL_FACET.itemsize:
         return _binary_stl(raw, counted, element)
+    if not re.search(rb"vertex", raw, re.IGNORECASE):
+        raise InputError(NO_STL)
     import trimesh
 
     scene = trimesh.load_scene(path, process=False)  # trimesh would merge vertices that are near, not equal
     bodies = {name: [(np.asarray(body.vertices), np.asarray(body.faces))] for name, body in scene.geometry.items()}
     if len(bodies) == 1:  # trimesh names a lone one after its file
-        first = raw[:512].split(b"\n")[0].decode(errors="replace").strip()
+        first = raw.partition(b"\n")[0].decode(errors="replace").strip()
         bodies = {first[len("solid") :].strip(): next(iter(bodies.values()))}
     return join(choose(bodies, element or ALL_NAMES, "element"))
 
@@ -78,7 +82,7 @@ def read_stl(path: Path, element: str | None = None) -> Mesh:
 def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
     held = (len(raw) - STL_HEADER) // STL_FACET.itemsize
     if held < 1 or counted == 0:
-        raise InputError("neither text with vertices nor binary with triangles: export it again")
+        raise InputError(NO_STL)
     if counted > held:
         raise InputError(f"is cut off: {counted:,} triangles are announced, {held:,} are there: export it again")
     if element:

@@ -136,29 +136,46 @@ def test_bodies_of_an_obj_are_picked_by_object_or_group(tmp_path):
         read_solid(path, "stope", element="Level 3")
 
 
+def text_stl(name: str, solid: Solid) -> str:
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*v) for v in facet)
+        + "endloop\nendfacet\n" for facet in solid.vertices[solid.facets]
+    )  # fmt: skip
+    return f"solid {name}\n{facets}endsolid {name}\n"
+
+
 def test_solids_of_a_text_stl_are_picked_by_name(tmp_path):
     path = tmp_path / "stope.stl"
-    text = ""
-    for name, solid in (("Stope A", BOX), ("Stope B", OTHER)):
-        corners = solid.vertices[solid.facets]
-        facets = "".join(
-            "facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*v) for v in facet)
-            + "endloop\nendfacet\n" for facet in corners
-        )  # fmt: skip
-        text += f"solid {name}\n{facets}endsolid {name}\n"
-    path.write_text(text)
+    path.write_text("".join(text_stl(name, solid) for name, solid in (("Stope A", BOX), ("Stope B", OTHER))))
     assert read_solid(path, "stope").volume == pytest.approx(64 * 9)
     assert read_solid(path, "stope", element="Stope B").volume == pytest.approx(512)
     with pytest.raises(InputError, match="'C' is not one of Stope A, Stope B"):
         read_solid(path, "stope", element="C")
 
 
+@pytest.mark.parametrize("start", ["", "\n\n  ", "\ufeff", "; exported by a planning package\n"])
+@pytest.mark.parametrize("name", ["S", "s" * 100, "long/folder/" * 2000, "étage", ""])
+@pytest.mark.parametrize("capitals", [False, True])
+def test_a_text_stl_is_told_by_its_bytes_not_by_its_first_line(tmp_path, start, name, capitals):
+    """A name of many kilobytes was read as a binary header, and its letters as a number of triangles."""
+    path = tmp_path / "stope.stl"
+    text = start + text_stl(name, BOX)
+    path.write_text(text.upper() if capitals else text, encoding="utf-8")
+    assert read_solid(path, "stope").volume == pytest.approx(64)
+
+
+def test_a_text_without_vertices_has_no_number_of_triangles(tmp_path):
+    path = tmp_path / "stope.stl"
+    path.write_text("solid " + "stope of a long name " * 20 + "\nendsolid\n")
+    with pytest.raises(InputError, match=r"stope\.stl: stope: neither text with vertices nor binary with triangles"):
+        read_solid(path, "stope")
+
+
 @pytest.mark.parametrize(
     ("header", "after"),
-    [
-        *itertools.product([b"solid COLOR=" + bytes(range(200, 255)), b"\x00" * 80], [b"", b"\x00\x01 left over"]),
-        (b"solid facet vertex", b""),  # with something left over it is a text file cut off, as far as anyone can tell
-    ],
+    itertools.product(
+        [b"solid COLOR=" + bytes(range(200, 255)), b"\x00" * 80, b"solid facet vertex"], [b"", b"\x00\x01 left over"]
+    ),
 )
 def test_binary_stl_with_an_odd_header(tmp_path, header, after):
     path = tmp_path / "stope.stl"
