@@ -50,6 +50,25 @@ def test_an_encoding_that_is_none_or_another_is_one_line(tmp_path):
     assert read(tmp_path, PLAIN.encode("utf-8-sig"), encoding="utf-8").sizes["event"] == 2
 
 
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"MATLAB 5.0 MAT-file Platform: posix".ljust(124) + b"\0\1IM", "a file of MATLAB, not a CSV file; export it"),
+        (b"MATLAB 7.3 MAT-file Platform: posix".ljust(124) + b"\0\2IM", "a file of MATLAB"),
+        (b"\x89HDF\r\n\x1a\n\0\0", "an HDF5 file"),
+        (b"PAR1\x15\x04\0", "a Parquet file"),
+        (b"SQLite format 3\0\x10\0", "a database of SQLite"),
+        (b"time,x\n" + bytes(range(256)), "it holds zero bytes"),
+    ],
+)
+def test_a_file_that_is_no_text_is_named_and_no_encoding_is_offered(tmp_path, content, what):
+    line = refused(tmp_path, content)
+    assert what in line
+    assert "utf-16" not in line
+    if "zero bytes" not in what:
+        assert "zero bytes" not in line
+
+
 # ---- times that are numbers, or stand in columns of their parts ----
 
 EXCEL_DAYS = (43678.5, 43690.0 + 0.5 / 86400)  # days since 1899-12-30
