@@ -84,6 +84,16 @@ def test_what_lands_outside_the_domain_asks_for_its_units(tmp_path):
         solid_of({"file": str(path)})
 
 
+def test_what_lands_outside_the_domain_with_x_and_y_exchanged_says_so(tmp_path):
+    domain = Domain(np.array([500.0, 7000, 0]), np.array([10, 10, 10]), 20.0, 3)
+    path = tmp_path / "stope.obj"
+    trimesh.Trimesh(BOX.vertices + np.array([7010, 510, 10]), BOX.facets).export(path)
+    with pytest.raises(InputError, match=r"domain\.upper; with x and y exchanged it would lie there"):
+        read_solids([{"name": "stope", "file": str(path)}], "excavations", domain)
+    with pytest.raises(InputError, match=r"domain\.upper$"):
+        read_solids([{"name": "stope", "file": str(path), "offset": [0, 900, 0]}], "excavations", domain)
+
+
 def test_coordinates_beyond_any_mine_are_refused(tmp_path):
     path = tmp_path / "stope.ply"
     trimesh.Trimesh(BOX.vertices * 1e300, BOX.facets, process=False).export(path)
