@@ -61,7 +61,8 @@ def triangles(faces: list) -> np.ndarray:
 
 
 def read_stl(path: Path, element: str | None = None) -> Mesh:
-    """Every body of an STL file together, or the `solid` of a text file by its name."""
+    """Every body of an STL file together, or the `solid` of a text file by its name. Vertices of a binary file are
+    float32, as it holds them."""
     raw = path.read_bytes()
     has_zeros = b"\0" in raw  # numbers of binary STL have zero bytes, text has none; headers may begin with any word
     counted = int.from_bytes(raw[80:STL_HEADER], "little")
@@ -90,7 +91,7 @@ def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
     if len(raw) > STL_HEADER + counted * STL_FACET.itemsize:
         logging.warning("more follows its %d triangles; left out", counted)
     facets = np.frombuffer(raw, STL_FACET, counted, STL_HEADER)
-    return facets["corners"].reshape(-1, 3).astype(np.float64), np.arange(3 * counted).reshape(-1, 3)
+    return facets["corners"].reshape(-1, 3), np.arange(3 * counted).reshape(-1, 3)
 
 
 def read_obj(path: Path, element: str | None = None) -> Mesh:
@@ -132,13 +133,16 @@ def read_obj(path: Path, element: str | None = None) -> Mesh:
 
 
 def read_ply(path: Path) -> Mesh:
-    """The one body of a PLY file."""
+    """The one body of a PLY file. Its vertices are float32 where all of them are numbers of that kind."""
     import trimesh
 
     mesh = trimesh.load_mesh(path, process=False)
     if not hasattr(mesh, "faces"):
         raise InputError("holds points but no triangles: export the solid as a triangulated surface")
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    with np.errstate(over="ignore"):
+        single = vertices.astype(np.float32)
+    return single if (single == vertices).all() else vertices, np.asarray(mesh.faces, dtype=np.int64)
 
 
 def read_omf(path: Path, element: str | None = None) -> Mesh:

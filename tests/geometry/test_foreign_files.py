@@ -77,6 +77,43 @@ def test_units_scale_and_offset_place_any_file(tmp_path, ending):
     np.testing.assert_allclose(solid.bounds, np.array([[0, 0, 0], [8, 4, 2]]) * 0.6096 + [50, 60, 70], rtol=1e-12)
 
 
+MAP = np.array([512_345.67, 7_523_456.78, 0.0])
+FAR = trimesh.Trimesh(BOX.vertices + MAP, BOX.facets, process=False)
+
+
+@pytest.mark.parametrize("ending", ["stl", "ply"])
+def test_single_precision_that_moves_walls_is_told_with_its_step(tmp_path, caplog, ending):
+    """Numbers of 32 bits lie 0.5 m apart at 7.5 million, 15 cm where these are feet; near the origin all is well."""
+    path = tmp_path / f"stope.{ending}"
+    FAR.export(path)
+    read_solid(path, "stope")
+    assert (
+        f"stope.{ending}: stope: the file holds its coordinates in single precision, in steps of 0.5 m" in caplog.text
+    )
+    assert "walls may lie 0.25 m from their place; export it as OBJ or DXF, or near the origin" in caplog.text
+    caplog.clear()
+    read_solid(path, "stope", units="ft")
+    assert "in steps of 0.15 m" in caplog.text
+    caplog.clear()
+    trimesh.Trimesh(BOX.vertices, BOX.facets).export(path)
+    assert read_solid(path, "stope", offset=tuple(MAP)).volume == pytest.approx(64)
+    assert "precision" not in caplog.text
+
+
+def test_double_precision_is_not_told(tmp_path, caplog):
+    """Text of STL, OBJ and PLY, and a PLY of doubles."""
+    FAR.export(tmp_path / "stope.obj", digits=6)
+    (tmp_path / "stope.stl").write_text(text_stl("s", Solid("s", FAR.vertices, FAR.faces)))
+    head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty double x\nproperty double y\nproperty double z\n"
+    rows = [" ".join(map(repr, row)) for row in FAR.vertices.tolist()]
+    rows += [" ".join(map(str, [3, *row])) for row in FAR.faces.tolist()]
+    head += "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "stope.ply").write_text(head + "\n".join(rows) + "\n")
+    for ending in ("obj", "stl", "ply"):
+        assert read_solid(tmp_path / f"stope.{ending}", "stope").volume == pytest.approx(64, rel=1e-6)
+    assert "precision" not in caplog.text
+
+
 def test_what_lands_outside_the_domain_asks_for_its_units(tmp_path):
     """Millimetres are what many programs write who drew in metres."""
     path = drawing(tmp_path / "stope.dxf", lambda d, s: [s.add_3dface(BOX.vertices[f] - 100) for f in BOX.facets], 4)
