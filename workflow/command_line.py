@@ -13,7 +13,6 @@ from pathlib import Path
 from common.disk import NO_ROOM, disk_full
 from common.errors import InputError
 from common.setting_types import short
-from workflow import BASE
 from workflow.strict_yaml import check_files, read_text
 
 OPTION = re.compile(r"(--config|-C)(=|$)")
@@ -85,9 +84,8 @@ def check_folder(folder: str | Path) -> None:
     Snakemake keeps its notes and results in it.
     """
     folder = Path(folder).absolute()
-    for path, remedy in ((folder, ELSEWHERE), (BASE, "move the program to another folder")):
-        if "{" in str(path):
-            raise InputError(f"{path}: Snakemake takes braces in the name of a folder for a wildcard; {remedy}")
+    if "{" in str(folder):  # where it looks for its locks
+        raise InputError(f"{folder}: Snakemake takes braces in the name of a folder for a wildcard; {ELSEWHERE}")
     notes = folder / ".snakemake"
     try:
         notes.mkdir(parents=True, exist_ok=True)

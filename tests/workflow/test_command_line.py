@@ -112,6 +112,20 @@ def test_a_working_directory_with_braces_is_one_line(tmp_path, name):
     ]
 
 
+@pytest.mark.parametrize("name", ["program {2019}", "{mine}", "it's {x} {{y}}"])
+def test_a_program_in_a_folder_with_braces_runs(tmp_path, name):
+    """Its path stands in the command of each job and in the rules' environment, where braces were names."""
+    program = tmp_path / name
+    program.symlink_to(ROOT)
+    (tmp_path / "run").mkdir()
+    command = [sys.executable, "-m", "snakemake", "--snakefile", program / "Snakefile", "--cores", "1"]
+    command += ["--workflow-profile", program / "profiles/default", "results/tiny/grid.nc"]
+    command += ["--configfile", write_mine(TINY, tmp_path / "mine.yaml")]
+    done = subprocess.run(command, cwd=tmp_path / "run", capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "run/results/tiny/grid.nc").exists()
+
+
 @pytest.mark.parametrize("note", [b"", b"\n", b"\xff\xfe/mine.yaml", b"/gone\0/mine.yaml", None])
 def test_a_note_that_says_nothing_blocks_no_folder(tmp_path, monkeypatch, note):
     """A full disk left an empty one; None: a folder stands in its place."""
