@@ -35,6 +35,7 @@ def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> N
         )
     read_overrides(arguments.config)
     check_folder(arguments.directory or ".")
+    check_cache()
 
 
 def draws_alone() -> bool:
@@ -86,14 +87,25 @@ def check_folder(folder: str | Path) -> None:
     folder = Path(folder).absolute()
     if "{" in str(folder):  # where it looks for its locks
         raise InputError(f"{folder}: Snakemake takes braces in the name of a folder for a wildcard; {ELSEWHERE}")
-    notes = folder / ".snakemake"
+    _probe(folder / ".snakemake", folder, f"notes and results go there; {ELSEWHERE}")
+
+
+def check_cache() -> None:
+    """Raise InputError where Snakemake's cache, which is in the user's home by default, cannot be written."""
+    from snakemake.common import get_appdirs
+
+    cache = Path(get_appdirs().user_cache_dir)
+    remedy = "name another folder in front of the command, XDG_CACHE_HOME=<folder>"
+    _probe(cache, cache, f"Snakemake keeps its cache there; {remedy}")
+
+
+def _probe(place: Path, shown: Path, purpose: str) -> None:
+    """Write a file in a folder and delete it. Raises InputError, which names the folder `shown` and its purpose."""
     try:
-        notes.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=notes) as probe:
+        place.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=place) as probe:
             probe.write(bytes(ROOM))
     except OSError as error:
         if error.errno in NO_ROOM:
-            raise InputError(disk_full(error.strerror or "", folder)) from error
-        raise InputError(
-            f"{folder}: cannot be written ({error.strerror}), and notes and results go there; {ELSEWHERE}"
-        ) from error
+            raise InputError(disk_full(error.strerror or "", shown)) from error
+        raise InputError(f"{shown}: cannot be written ({error.strerror}), and {purpose}") from error
