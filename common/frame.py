@@ -16,7 +16,8 @@ class Frame(Settings):
     longitude: real_number(ge=-180, le=180) = None
     """Longitude of the origin of the coordinates, degrees (WGS 84)."""
     crs: str = None
-    """Projected coordinate system in metres, instead of latitude and longitude: EPSG code, PROJ text or WKT."""
+    """Projected coordinate system in metres, instead of latitude and longitude: EPSG code, PROJ text or WKT. Its axes
+    run east and north. x is the easting, also where the system lists the northing first."""
     surface: Length
     """Elevation of the ground. Depth, and so in-situ stress, is measured from it."""
 

@@ -17,7 +17,7 @@ from seismic.event_settings import DEFAULT_LINK_LENGTH
 from workflow.accuracy import apply_accuracy
 from workflow.comparison_checks import check_baselines, check_face, check_forecasts, check_plans
 from workflow.dates import is_date, read_date
-from workflow.derived_domain import complete, largest_cell_name
+from workflow.derived_domain import MAX_COARSE_CELLS, complete, largest_cell_name
 from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine
 from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody, Step
@@ -46,7 +46,6 @@ NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]\d+)?")
 # Over fewer cells the number of events follows the cells (study events), and strength is one number for each cell.
 MIN_CELLS_PER_LENGTH = 2
 MAX_CELLS_PER_DEFAULT_LINK = 8  # in a specimen of the laboratory
-MAX_COARSE_CELLS = 10**9  # the finer ones come on top
 
 
 def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 from common.disk import NO_ROOM, disk_full
 from common.errors import InputError
 from common.setting_types import short
-from workflow import BASE
 from workflow.strict_yaml import check_files, read_text
 
 OPTION = re.compile(r"(--config|-C)(=|$)")
@@ -36,6 +35,7 @@ def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> N
         )
     read_overrides(arguments.config)
     check_folder(arguments.directory or ".")
+    check_cache()
 
 
 def draws_alone() -> bool:
@@ -85,17 +85,27 @@ def check_folder(folder: str | Path) -> None:
     Snakemake keeps its notes and results in it.
     """
     folder = Path(folder).absolute()
-    for path, remedy in ((folder, ELSEWHERE), (BASE, "move the program to another folder")):
-        if "{" in str(path):
-            raise InputError(f"{path}: Snakemake takes braces in the name of a folder for a wildcard; {remedy}")
-    notes = folder / ".snakemake"
+    if "{" in str(folder):  # where it looks for its locks
+        raise InputError(f"{folder}: Snakemake takes braces in the name of a folder for a wildcard; {ELSEWHERE}")
+    _probe(folder / ".snakemake", folder, f"notes and results go there; {ELSEWHERE}")
+
+
+def check_cache() -> None:
+    """Raise InputError where Snakemake's cache, which is in the user's home by default, cannot be written."""
+    from snakemake.common import get_appdirs
+
+    cache = Path(get_appdirs().user_cache_dir)
+    remedy = "name another folder in front of the command, XDG_CACHE_HOME=<folder>"
+    _probe(cache, cache, f"Snakemake keeps its cache there; {remedy}")
+
+
+def _probe(place: Path, shown: Path, purpose: str) -> None:
+    """Write a file in a folder and delete it. Raises InputError, which names the folder `shown` and its purpose."""
     try:
-        notes.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=notes) as probe:
+        place.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=place) as probe:
             probe.write(bytes(ROOM))
     except OSError as error:
         if error.errno in NO_ROOM:
-            raise InputError(disk_full(error.strerror or "", folder)) from error
-        raise InputError(
-            f"{folder}: cannot be written ({error.strerror}), and notes and results go there; {ELSEWHERE}"
-        ) from error
+            raise InputError(disk_full(error.strerror or "", shown)) from error
+        raise InputError(f"{shown}: cannot be written ({error.strerror}), and {purpose}") from error

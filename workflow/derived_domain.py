@@ -3,6 +3,7 @@
 import functools
 import itertools
 import logging
+import math
 import os
 from collections.abc import Iterator, Sequence
 
@@ -13,7 +14,7 @@ from mpm_core.geometry.shapes.shape import Opening, Shape
 from mpm_core.grid.domain import base_cells
 from mpm_core.scene.far_field import MAX_LIMITED_BOUNDARY_ERROR, STRENGTH, FarField, bounds, derive_domain
 from mpm_core.scene.scene import FACES, PLANES
-from mpm_core.scene.scene_solids import prisms_of
+from mpm_core.scene.scene_solids import exchanged_hint, prisms_of
 from mpm_core.settings import (
     DEFAULT_COARSE_CELL,
     DEFAULT_LEVELS,
@@ -31,6 +32,10 @@ from workflow.virgin_rock import Rocks, overstress
 
 MAX_CHECKED_DISTANCE = 1e5  # m from the openings: virgin rock further away is not checked
 LAYERS = 200  # distances from the openings, up to MAX_CHECKED_DISTANCE, at which the rock is looked up
+MAX_COARSE_CELLS = 10**9  # the finer ones come on top
+MIN_EMPTY_SHARE = (
+    0.5  # of the length of all openings along an axis: from an empty stretch on, what lies beyond is named
+)
 SAME = 1e-9  # share by which sizes differ that are the same
 
 
@@ -123,7 +128,8 @@ def _divide(mine: Mine, finest: float, choices: Sequence[int]) -> tuple[float, i
 def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
     """Derive the domain from all that is mined or loaded; size of the largest cells, m, and number of levels."""
     settings = mine.settings
-    openings = list(_openings(mine))
+    named = list(_openings(mine))
+    openings = [opening for _, opening in named]
     if not openings:
         raise InputError("domain.lower: missing key; without excavations and loads the domain follows from nothing")
     given = settings.domain.boundary is not None
@@ -143,6 +149,8 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
         ground=settings.frame.surface if 2 in mined else None,
         sound=(sound[0][0], sound[1][0]),
     )
+    if math.prod((found.upper - found.lower) / found.coarse_cell) > MAX_COARSE_CELLS and (apart := _apart(named)):
+        raise InputError(apart)
     if found.limited == STRENGTH and found.error > MAX_LIMITED_BOUNDARY_ERROR:
         raise InputError(_no_room(mine, found, box[:, -1], sound))
     top, surface = float(found.upper[-1]), settings.frame.surface
@@ -227,8 +235,36 @@ def _no_room(
     )
 
 
-def _openings(mine: Mine) -> Iterator[Opening]:
-    """All excavations, planned ones too, and loads; a tunnel stretch by stretch."""
+def _apart(named: Sequence[tuple[str, Opening]]) -> str:
+    """Message on the excavations and loads, named by their keys, that lie far from the others, if an empty stretch
+    takes most of the length of all; else empty."""
+    names, openings = zip(*named, strict=True)
+    boxes = np.array([[opening.lower, opening.upper] for opening in openings])
+    gap, few = 0.0, np.zeros(len(boxes), bool)
+    for axis in range(boxes.shape[-1]):
+        order = np.argsort(boxes[:, 0, axis], kind="stable")
+        reach = np.maximum.accumulate(boxes[order, 1, axis])
+        gaps = boxes[order[1:], 0, axis] - reach[:-1]
+        if len(gaps) and gaps.max() > max(gap, MIN_EMPTY_SHARE * (reach[-1] - boxes[:, 0, axis].min())):
+            gap = float(gaps.max())
+            few = np.zeros(len(boxes), bool)
+            few[order[1 + int(gaps.argmax()) :]] = True
+    if not few.any():
+        return ""
+    few = few if 2 * few.sum() <= len(few) else ~few
+    own, others = (np.array([boxes[part, 0].min(axis=0), boxes[part, 1].max(axis=0)]) for part in (few, ~few))
+    listed = list(dict.fromkeys(name for name, part in zip(names, few, strict=True) if part))
+    first, *more = listed
+    which = f"it and {len(more)} more lie" if more else "lies"
+    places = [", ".join(f"{a:.10g} to {b:.10g} m" for a, b in box.T) for box in (own, others)]
+    return (
+        f"{first}: {which} {gap:.6g} m from all others ({places[0]}; the others {places[1]}), and the domain would "
+        f"hold the rock between: check coordinates, units, scale and offset of both{exchanged_hint(*own, *others)}"
+    )
+
+
+def _openings(mine: Mine) -> Iterator[tuple[str, Opening]]:
+    """All excavations, planned ones too, and loads, each with its key; a tunnel stretch by stretch."""
     sections: dict[str, Sequence[ShapeSettings]] = {"excavations": mine.excavations, "loads": mine.settings.loads}
     for section, solids in sections.items():
         for solid in solids:
@@ -247,7 +283,7 @@ def _openings(mine: Mine) -> Iterator[Opening]:
                     f"{where}: lies above the ground, z {lowest:g} m and more (frame.surface: "
                     f"{mine.settings.frame.surface:g} m); check its coordinates and frame.surface"
                 )
-            yield from found
+            yield from ((where, opening) for opening in found)
 
 
 def _openings_of_file(mine: Mine, where: str, solid: SolidSettings) -> Iterator[Opening]:

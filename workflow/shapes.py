@@ -8,6 +8,7 @@ import numpy as np
 from common.errors import InputError, Mistakes
 from mpm_core.geometry.shapes import Shape, checked, shape_model, shape_of
 from mpm_core.geometry.shapes.prism import DrawnPrism
+from mpm_core.scene.scene_solids import exchanged_hint
 from mpm_core.settings import FileSettings, ShapeSettings
 from workflow.mine import SHAPE_KEYS, Mine, shape_keys
 from workflow.mine_settings import Excavation
@@ -26,7 +27,7 @@ def check_place(mine: Mine, where: str, solid: ShapeSettings) -> None:
     if (upper <= domain[0]).any() or (lower >= domain[1]).any():
         raise InputError(
             f"{where}: lies outside the domain ({_span(lower, upper)}; domain {_span(*domain)}): check its coordinates "
-            "and domain.lower, domain.upper"
+            f"and domain.lower, domain.upper{exchanged_hint(lower, upper, *domain)}"
         )
 
 

@@ -83,17 +83,17 @@ class Record(EventFileSettings):
     date_order: Literal["day", "month"] = None
     """Which number comes first in 01/02/2019. Default: found from the file."""
     time_zone: str = None
-    """Time zone of times without an offset: Australia/Hobart, +10:00, UTC. Default: UTC. Required if the name of a
-    column of time says local, or states an offset. An hour that occurs twice, at the end of summer time, is read as the
-    later one."""
+    """Time zone of times without an offset: Australia/Hobart, +10:00, UTC. Abbreviations such as EST are refused.
+    Default: UTC. Required if the name of a column of time says local, or states an offset. An hour that occurs twice,
+    at the end of summer time, is read as the later one."""
     energy_conversion: EnergyConversion = None
     """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. There is no default."""
     encoding: str = None
     """Encoding of a file that is not in UTF-8 or UTF-16: gbk, shift_jis, cp1252. It is needed only if names of columns
     or texts depend on it."""
-    time_format: Literal["excel", "excel_1904", "unix", "unix_ms"] = None
-    """Format of times that are numbers. `excel`, `excel_1904`: days of a worksheet since 1900 or 1904. `unix`,
-    `unix_ms`: seconds or milliseconds since 1970, UTC."""
+    time_format: Literal["excel", "excel_1904", "matlab", "unix", "unix_ms"] = None
+    """Format of times that are numbers. `excel`, `excel_1904`: days of a worksheet since 1900 or 1904. `matlab`: days
+    of MATLAB (datenum), since year 0. `unix`, `unix_ms`: seconds or milliseconds since 1970, UTC."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

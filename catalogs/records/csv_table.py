@@ -39,13 +39,17 @@ CONTAINERS = {  # first bytes of what is no text
     b"PK\x03\x04": "a zip archive or an Excel workbook",
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
     b"\x1f\x8b": "a gzip archive",
+    b"MATLAB 5.0 MAT-file": "a file of MATLAB",
+    b"MATLAB 7.3 MAT-file": "a file of MATLAB",
+    b"\x89HDF\r\n": "an HDF5 file",
+    b"PAR1\x15": "a Parquet file",
+    b"SQLite format 3\0": "a database of SQLite",
 }
 NOT_UTF8 = "the file is not in UTF-8, and here its letters count; "
 ENCODING_REMEDY = (  # by whether a key can say it
     "save it in UTF-8", "say its encoding with record.encoding, such as cp1252, gbk or shift_jis"
 )  # fmt: skip
 DECIMAL_REMEDY = "write decimal points, and nothing between thousands", "say it with record.decimal: comma or point"
-ZERO_BYTES_REMEDY = "", ", or say record.encoding: utf-16-le if it is that"
 
 
 @dataclass
@@ -233,7 +237,8 @@ def check_container(content: bytes, path: Path, expected: str) -> None:
     """Raise InputError for what is no text but holds one; expected: CSV or QuakeML."""
     for begins, what in CONTAINERS.items():
         if content.startswith(begins):
-            raise InputError(f"{path}: {what}, not a {expected} file; unpack it, or export it as {expected}")
+            unpack = "unpack it, or " if "archive" in what else ""
+            raise InputError(f"{path}: {what}, not a {expected} file; {unpack}export it as {expected}")
 
 
 def _decoded(path: Path, encoding: str | None, has_keys: bool) -> tuple[str, bool]:
@@ -264,12 +269,19 @@ def _decoded(path: Path, encoding: str | None, has_keys: bool) -> tuple[str, boo
     else:
         raise InputError(f"{path}: begins as {marked[0]} and is not; export the table as text")
     if "\0" in text:
-        raise InputError(
-            f"{path}: not a readable CSV file (it holds zero bytes); export the table as text"
-            f"{ZERO_BYTES_REMEDY[has_keys]}"
-        )
+        other = next(filter(lambda name: _is_text(content, name), ("utf-16-le", "utf-16-be")), "")
+        hint = f", or say record.encoding: {other}" if other and has_keys else ""
+        raise InputError(f"{path}: not a readable CSV file (it holds zero bytes); export the table as text{hint}")
     logging.info("%s: read as %s", path, encoding)
     return text, encoding not in ("cp1252", "latin-1")
+
+
+def _is_text(content: bytes, encoding: str) -> bool:
+    """True if bytes in this encoding are letters, digits, marks and white space, and nothing else."""
+    try:
+        return all(letter.isprintable() or letter.isspace() for letter in content.decode(encoding))
+    except UnicodeDecodeError:
+        return False
 
 
 def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:

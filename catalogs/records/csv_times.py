@@ -11,13 +11,14 @@ from catalogs.records.csv_columns import ColumnSettings
 from catalogs.records.csv_table import Table
 from catalogs.records.times import (
     DATE_PARTS,
-    EPOCHS,
     check_zone,
+    formats_of_number,
     is_offset,
     parse_times,
     shown_twice,
     times_of_numbers,
     times_of_parts,
+    zones_of_abbreviation,
 )
 from common.errors import InputError
 
@@ -75,9 +76,13 @@ def _times(
     time, local = parse_times(text.where(there, ""), settings.date_order, settings.time_zone, where)
     wrong = np.isnat(time) & there.to_numpy()
     if wrong.any():
-        is_number = re.fullmatch(r"[-+]?\d+[.,]?\d*", text[wrong].iloc[0])
-        remedy = f"say record.time_format: {', '.join(EPOCHS)}" if is_number else "write 2019-08-01T12:00:00"
-        table.refuse(wrong, columns[0], f"({text[wrong].iloc[0]}) is not a date and time", remedy)
+        first = text[wrong].iloc[0]
+        remedy = "write 2019-08-01T12:00:00"
+        if re.fullmatch(r"[-+]?\d+[.,]?\d*", first):
+            remedy = f"say record.time_format: {formats_of_number(float(first.replace(',', '.')))}"
+        if meant := zones_of_abbreviation(first):
+            remedy = f"take the abbreviation of the zone out, and name a place with record.time_zone: {meant}"
+        table.refuse(wrong, columns[0], f"({first}) is not a date and time", remedy)
     return time, local
 
 

@@ -12,12 +12,13 @@ import xarray as xr
 
 from catalogs.records.event_kinds import EVENT_TYPE, no_seismicity, plain_word, types_text
 from catalogs.records.settings import DomainBox, RecordSlice
-from catalogs.records.times import parse_time, recorded_period
+from catalogs.records.times import FIRST, LAST, parse_time, recorded_period
 from common.errors import InputError
 
 DOMAIN_FILTER = "domain"
 MAX_WIDTHS_FROM_DOMAIN = 10.0  # Farther from the domain than so many of its widths, coordinates are not the mine's.
 MAX_SHARE_OUTSIDE_UNTOLD = 0.1  # A larger share of events outside the domain is a warning.
+MAX_SHARE_OTHER_TIME_UNTOLD = 0.9  # A larger share of events outside the modelled months is a warning.
 MAX_TEXTS_SHOWN = 6  # Texts of a column that a message shows.
 MAX_COORDINATE = 1e8  # m, more than twice the circumference of the Earth.
 
@@ -59,8 +60,8 @@ def filter_events(
 
     Raises InputError naming `source` and the key for an unknown column, a bad date, when a filter of the configuration
     leaves no event, when all lie MAX_WIDTHS_FROM_DOMAIN times as far from the domain as it or the record is wide (such
-    a record is of other ground), or when it was recorded before or after the modelled months. A file without events,
-    and none in the domain or in these months, is a record without events: that nothing happens is a result.
+    a record is of other ground), when it was recorded before or after the modelled months, or when no event is left and
+    settings.quiet does not state so. A stated record without events is a result: nothing happened.
     attrs["period"] (JSON): modelled, recorded and common, each start and end, ISO, UTC. attrs["stated_end"]: the end
     that the configuration states.
     """
@@ -121,8 +122,8 @@ def filter_events(
                 "farthest": float(outside.max()) if outside.size else None,
             }
         )
-        _warn(account[-1], source)
         kept = inside
+    _check_quiet(events["time"].values, int(kept.sum()), account, settings, source)
     filtered = events.isel(event=np.flatnonzero(kept))
     filtered.attrs |= attributes | {"filter": json.dumps(account)}
     return filtered
@@ -132,7 +133,7 @@ def _periods(time: np.ndarray, settings: RecordSlice, source: str) -> dict[str, 
     """The modelled, the recorded and the common period. Raises InputError where there is no common one."""
     period, chosen = settings.period, settings.filter.given() if settings.filter else {}
     modelled = [parse_time(text, "record.period") for text in (period.start, period.end)]
-    first, last = recorded_period(time)
+    first, last = (FIRST, LAST) if settings.quiet else recorded_period(time)
     begun = parse_time(chosen["start"], f"{source}: record.filter.start") if chosen.get("start") else first
     ended = parse_time(chosen["end"], f"{source}: record.filter.end") if chosen.get("end") else last
     common = [max(modelled[0], begun, first), min(modelled[1], ended, last)]
@@ -153,16 +154,35 @@ def _day(moment: np.datetime64) -> str:
     return str(moment)[:10]
 
 
-def _warn(crop: Mapping, source: str) -> None:
-    """Warn on the terminal, too, that much of a record, or all of it, is not compared."""
-    outside = crop["before"] - crop["after"]
-    if not crop["after"]:
-        near = "" if crop["nearest"] is None else f"; the nearest lies {crop['nearest']:.0f} m away"
-        logging.warning("%s: no event in the domain in these months: it counts as quiet%s", source, near)
-    elif outside > MAX_SHARE_OUTSIDE_UNTOLD * crop["before"]:
+def _check_quiet(time: np.ndarray, left: int, account: list[dict], settings: RecordSlice, source: str) -> None:
+    """Raise InputError where no event is compared and settings.quiet does not state so; warn where few are.
+
+    time (event,): of all whole events; left: number of events that are compared; account: of the filters.
+    """
+    run = f"{len(time)} events run from {_day(time.min())} to {_day(time.max())}" if len(time) else "it has no events"
+    crop = account[-1] if account and account[-1]["filter"] == DOMAIN_FILTER else None
+    months, other_time = "", 0
+    if settings.period and settings.period.given():
+        start, end = (parse_time(text, "record.period") for text in (settings.period.start, settings.period.end))
+        other_time = int(((time < start) | (time >= end)).sum())
+        months = f"the modelled months, {_day(start)} to {_day(end)}"
+    if left and settings.quiet:
+        logging.warning("%s: record.quiet is stated, and %d events are compared: leave it out", source, left)
+    if not left and not settings.quiet:
+        place = " in the domain" if crop else ""
+        near = "" if crop is None or crop["nearest"] is None else f"; the nearest lies {crop['nearest']:.0f} m away"
+        check = "the record's times and their format, and the steps' dates" if len(time) else "the export"
+        check = "record.columns, their units, and frame" if near else check
+        raise InputError(
+            f"{source}: no event{place}{' in ' if months else ''}{months}: {run}{near}; check {check}, or state "
+            "record.quiet: true if nothing was recorded there"
+        )
+    if other_time > MAX_SHARE_OTHER_TIME_UNTOLD * len(time):
+        logging.warning("%s: %d of %d events lie outside of %s: %s", source, other_time, len(time), months, run)
+    if crop and left and crop["before"] - left > MAX_SHARE_OUTSIDE_UNTOLD * crop["before"]:
         logging.warning(
             "%s: %d of %d events lie outside the domain, up to %.0f m away, and are not compared",
-            source, outside, crop["before"], crop["farthest"],
+            source, crop["before"] - left, crop["before"], crop["farthest"],
         )  # fmt: skip
 
 

@@ -7,18 +7,21 @@ import io
 import json
 import os
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from obspy import read_events
-from obspy.core.event import Catalog, Event, Origin
+from obspy.core.event import Catalog, Event, FocalMechanism, Magnitude, Origin
 
 from catalogs.sources.quakeml import ATTRIBUTES, NAMESPACE, PREFIX, UP_SOUTH_EAST, sigmas
 from common.errors import InputError
 from common.event_table import FIELDS, new_catalog
 from common.fields import TEXT, Field
 
+# Parts of an event whose evaluation comes first count before others where none is preferred.
+MODES, STATUSES = ("manual", "", "automatic"), ("final", "reviewed", "confirmed", "", "preliminary", "rejected")
 METRES_PER_DEGREE = 111_195.0  # Length of a degree of latitude: 6,371 km times pi / 180.
 
 
@@ -75,10 +78,22 @@ def _values(events: Catalog, field: Field) -> np.ndarray:
     return values
 
 
+def review_rank(part: Origin | Magnitude | FocalMechanism, origins: Sequence[Origin] = ()) -> tuple[bool, int, int]:
+    """Rank of an origin, magnitude or mechanism by its evaluation: rejected last, manual before automatic, by status.
+
+    origins: of the event. A magnitude without mode and status has those of its origin.
+    """
+    named = getattr(part, "origin_id", None)
+    if named and not part.evaluation_mode and not part.evaluation_status:
+        part = next((origin for origin in origins if origin.resource_id == named), part)
+    status = part.evaluation_status or ""
+    return status == "rejected", MODES.index(part.evaluation_mode or ""), STATUSES.index(status)
+
+
 def moment_tensor(event: Event) -> np.ndarray:
     """Moment tensor (3, 3) N m, east, north, up, of an ObsPy event; NaN where it has none."""
     matrix = np.full((3, 3), np.nan)
-    mechanism = event.preferred_focal_mechanism() or (event.focal_mechanisms or [None])[0]
+    mechanism = event.preferred_focal_mechanism() or min(event.focal_mechanisms, key=review_rank, default=None)
     tensor = mechanism.moment_tensor.tensor if mechanism is not None and mechanism.moment_tensor else None
     if tensor is not None and all(getattr(tensor, key) is not None for key in UP_SOUTH_EAST):
         for key, (sign, i, j) in UP_SOUTH_EAST.items():

@@ -3,6 +3,7 @@
 What needs ObsPy or PROJ is imported where it is used: to check a mine file must not wait for them.
 """
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
 
@@ -19,7 +20,7 @@ from catalogs.records.build import (
     sizes_text,
 )
 from catalogs.records.csv_units import unit_quantity
-from catalogs.records.event_kinds import EVENT_TYPE, MODE, STATUS, kept_words
+from catalogs.records.event_kinds import EVENT_TYPE, MODE, STATUS, is_left_out, kept_words
 from catalogs.records.filters import filter_events
 from catalogs.records.settings import EventFileSettings, EventFileSlice, LocationError, is_moment_type
 from catalogs.records.times import FIRST_YEAR, LAST_YEAR
@@ -80,15 +81,15 @@ class RecordSlice(Record, EventFileSlice):
 def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a QuakeML file in the form of common.event_table, filtered (catalogs.records.filters).
 
-    Conversions: catalogs.records.build. An event's preferred origin and mechanism count, else its first, and
-    of these none whose evaluation status is rejected; an event is rejected where no other origin is there or the
-    preferred one is. Its size is its moment tensor, else its moment magnitude, else a magnitude for which a
-    conversion is stated; of several the preferred one, else the first. Events that are no seismicity
-    (catalogs.records.event_kinds) and those without a time, a place or a size are left out and counted, and so is
-    one whose publicID is there before. Depth is in m, unless settings.units says otherwise. Location errors that
-    origins state are kept (catalogs.records.quakeml_events). A file written by catalogs.sources.quakeml keeps its x, y,
-    z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe, magnitudes of
-    other types, sizes that no event has, and what is no QuakeML.
+    Conversions: catalogs.records.build. An event's preferred origin and mechanism count, else the first of those whose
+    evaluation ranks highest (quakeml_events.review_rank), and of these none whose status is rejected; an event is
+    rejected where no other origin is there or the preferred one is. Its size is its moment tensor, else its moment
+    magnitude, else a magnitude for which a conversion is stated; of several the preferred one, else by rank. Events
+    that are no seismicity (catalogs.records.event_kinds) and those without a time, a place or a size are left out and
+    counted, and so is one whose publicID is there before. Depth is in m, unless settings.units says otherwise. Location
+    errors that origins state are kept (catalogs.records.quakeml_events). A file written by catalogs.sources.quakeml
+    keeps its x, y, z and tensors bit for bit. Raises InputError, naming file and event, for degrees off the globe,
+    magnitudes of other types, sizes that no event has, and what is no QuakeML.
     """
     from catalogs.records.quakeml_events import own_catalog, parse_quakeml, quakeml_bytes
     from catalogs.records.quakeml_forms import TIME, plain_quakeml
@@ -111,6 +112,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     if record is None:
+        _log_choice(events, origins, path)
         places = [None if place is None else event.origins[place] for event, place in zip(events, origins, strict=True)]
         times = ["" if place is None else one.origins[place][TIME] for one, place in zip(words, origins, strict=True)]
         record = _foreign(events, places, times, settings, path)
@@ -123,12 +125,34 @@ def read(settings: RecordSlice) -> xr.Dataset:
 
 
 def _origin(event: "Event", words: "Words") -> int | None:
-    """Index of the origin of an event that is used: the preferred one, else the first that is not rejected."""
+    """Index of the origin of an event that is used: the preferred one, else the first of those not rejected whose
+    evaluation ranks highest."""
+    from catalogs.records.quakeml_events import review_rank
+
     preferred = event.preferred_origin()
     if preferred is not None and preferred in event.origins:
         return event.origins.index(preferred)
-    sound = [place for place, one in enumerate(words.origins) if one[STATUS] != REJECTED]
-    return next(iter(sound or range(len(event.origins))), None)
+    sound = [place for place, one in enumerate(words.origins) if not is_left_out(STATUS, one[STATUS])]
+    places = sound or range(len(event.origins))
+    return min(places, key=lambda place: review_rank(event.origins[place]), default=None)
+
+
+def _log_choice(events: "Catalog", origins: list[int | None], path: Path) -> None:
+    """Log of how many events the origin or the magnitude was chosen by its evaluation, since none is preferred.
+
+    origins: index of the origin of each event that is used.
+    """
+    several = [
+        place for event, place in zip(events, origins, strict=True)
+        if len(event.origins) > 1 and event.preferred_origin() is None
+    ]  # fmt: skip
+    sizes = sum(len(event.magnitudes) > 1 and event.preferred_magnitude() is None for event in events)
+    if several or sizes:
+        logging.info(
+            "%s: %d events have several origins and %d several magnitudes, none of them preferred: reviewed ones count "
+            "before automatic ones; %d origins are not the first of their event",
+            path, len(several), sizes, sum(bool(place) for place in several),
+        )  # fmt: skip
 
 
 def _leave_out_rejected(event: "Event") -> None:
@@ -230,9 +254,13 @@ def _time_uncertainties(origin) -> tuple[float | None, float | None]:
 
 
 def _magnitude(event: "Event", conversions: dict) -> "Magnitude | None":
-    """The magnitude that counts: a moment magnitude, else a convertible one, else any; the preferred one first."""
+    """The magnitude that counts: a moment magnitude, else a convertible one, else any; the preferred one first, then by
+    the rank of its evaluation."""
+    from catalogs.records.quakeml_events import review_rank
+
     preferred = event.preferred_magnitude()
-    listed = ([preferred] if preferred else []) + list(event.magnitudes)
+    ranked = sorted(event.magnitudes, key=lambda one: review_rank(one, event.origins))
+    listed = ([preferred] if preferred else []) + ranked
     listed = [one for one in listed if one.mag is not None]
     for fits in (is_moment_type, lambda kind: is_convertible(kind, conversions), lambda _: True):
         for one in listed:

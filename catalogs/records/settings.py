@@ -78,6 +78,9 @@ class RecordSettings(Settings):
     """R.m.s. error of the recorded locations in 3-D."""
     filter: FilterSettings = None
     """Which part of the record is compared."""
+    quiet: bool = False
+    """Whether it is known that no event was recorded in the domain in the modelled months. Without it, a record without
+    events there is an error: its times or places may have been misread."""
 
 
 class EventFileSettings(RecordSettings):

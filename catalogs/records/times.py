@@ -34,11 +34,12 @@ OFFSET_OF_ISO = re.compile(r"[T ]\d[\d:.,]*\s*([-+\u2212])(\d{1,2})(?::?(\d{2}))
 DAY, ONE_SECOND, MILLISECOND, MICROSECOND = (
     np.timedelta64(size, "ns") for size in (86_400 * 10**9, 10**9, 10**6, 10**3)
 )
-EPOCHS = {  # of times that are numbers: day zero, unit, to which it is rounded
-    "excel": (np.datetime64("1899-12-30", "ns"), DAY, MILLISECOND),  # a day off before March 1900, as the program is
-    "excel_1904": (np.datetime64("1904-01-01", "ns"), DAY, MILLISECOND),
-    "unix": (np.datetime64("1970-01-01", "ns"), ONE_SECOND, MICROSECOND),
-    "unix_ms": (np.datetime64("1970-01-01", "ns"), MILLISECOND, MICROSECOND),
+EPOCHS = {  # of times that are numbers: an instant, its number, unit, to which it is rounded
+    "excel": (np.datetime64("1899-12-30", "ns"), 0, DAY, MILLISECOND),  # a day off before March 1900, as the program is
+    "excel_1904": (np.datetime64("1904-01-01", "ns"), 0, DAY, MILLISECOND),
+    "matlab": (np.datetime64("1970-01-01", "ns"), 719_529, DAY, MILLISECOND),  # nanoseconds do not reach its year 0
+    "unix": (np.datetime64("1970-01-01", "ns"), 0, ONE_SECOND, MICROSECOND),
+    "unix_ms": (np.datetime64("1970-01-01", "ns"), 0, MILLISECOND, MICROSECOND),
 }
 CLOCK_PARTS = {
     "hour": (60 * 60 * ONE_SECOND, 24),
@@ -47,6 +48,31 @@ CLOCK_PARTS = {
 }  # unit, below
 # Offsets from UTC, minutes: those in use, west of the date line and east of it.
 FIRST_OFFSET, LAST_OFFSET, OFFSET_STEP = -12 * 60, 14 * 60, 15
+# Abbreviations of zones, and names of the IANA database that they may mean. Many mean several offsets, and the database
+# holds a few of them: its EST is five hours behind UTC, its CET has summer time.
+ZONES_OF_ABBREVIATION = {
+    **dict.fromkeys(("EST", "EDT"), "America/Toronto, Australia/Sydney, Australia/Brisbane"),
+    **dict.fromkeys(("AEST", "AEDT", "AET"), "Australia/Sydney, Australia/Hobart, Australia/Brisbane"),
+    **dict.fromkeys(("CST", "CDT"), "America/Chicago, Asia/Shanghai, Australia/Adelaide, Australia/Darwin"),
+    **dict.fromkeys(("ACST", "ACDT"), "Australia/Adelaide, Australia/Broken_Hill, Australia/Darwin"),
+    **dict.fromkeys(("WST", "AWST"), "Australia/Perth"),
+    **dict.fromkeys(("MST", "MDT"), "America/Denver, America/Phoenix, Asia/Kuala_Lumpur"),
+    **dict.fromkeys(("PST", "PDT"), "America/Vancouver, America/Los_Angeles, Asia/Manila"),
+    **dict.fromkeys(("AST", "ADT"), "America/Halifax, Asia/Riyadh"),
+    **dict.fromkeys(("AKST", "AKDT"), "America/Anchorage"),
+    **dict.fromkeys(("NST", "NDT"), "America/St_Johns"),
+    **dict.fromkeys(("NZST", "NZDT"), "Pacific/Auckland"),
+    **dict.fromkeys(("CLT", "CLST"), "America/Santiago"),
+    **dict.fromkeys(("CET", "CEST", "MET", "MEZ", "MESZ"), "Europe/Warsaw, Europe/Stockholm, Africa/Algiers"),
+    **dict.fromkeys(("EET", "EEST"), "Europe/Helsinki, Africa/Cairo"),
+    **dict.fromkeys(("WET", "WEST"), "Europe/Lisbon, Africa/Casablanca"),
+    "BRT": "America/Sao_Paulo", "PET": "America/Lima", "HST": "Pacific/Honolulu", "BST": "Europe/London, Asia/Dhaka",
+    "IST": "Asia/Kolkata, Europe/Dublin, Asia/Jerusalem", "MSK": "Europe/Moscow", "SAST": "Africa/Johannesburg",
+    "CAT": "Africa/Harare", "EAT": "Africa/Nairobi", "WAT": "Africa/Lagos", "GST": "Asia/Dubai, Pacific/Guam",
+    "SST": "Asia/Singapore, Pacific/Pago_Pago", "JST": "Asia/Tokyo", "KST": "Asia/Seoul", "HKT": "Asia/Hong_Kong",
+    "WIB": "Asia/Jakarta",
+}  # fmt: skip
+MACHINE_ZONES = ("localtime", "posixrules", "factory")  # The first two are what a computer was set up with.
 NANOSECONDS_PER = {"hour": 3_600_000_000_000, "minute": 60_000_000_000, "whole": 1_000_000_000}
 
 
@@ -73,7 +99,8 @@ def offset_refusal(text: str, where: str) -> InputError:
 
 
 def check_zone(zone: str) -> datetime.tzinfo:
-    """The time zone of an IANA name ("Australia/Hobart") or an offset ("+10:00"). Raises InputError."""
+    """The time zone of an IANA name ("Australia/Hobart") or an offset ("+10:00"). Raises InputError, also for an
+    abbreviation."""
     fixed = re.fullmatch(r"(?:UTC|GMT)?([-+])(\d{1,2}):?(\d{2})?", zone)
     if fixed:
         hours, minutes = int(fixed[2]), int(fixed[3] or 0)
@@ -81,12 +108,25 @@ def check_zone(zone: str) -> datetime.tzinfo:
             raise offset_refusal(zone, "record.time_zone")
         ahead = datetime.timedelta(hours=hours, minutes=minutes)
         return datetime.timezone(ahead if fixed[1] == "+" else -ahead)
+    if meant := ZONES_OF_ABBREVIATION.get(zone.strip().upper()):
+        raise InputError(
+            f"record.time_zone: {zone!r} is an abbreviation, and many mean several offsets from UTC; name a place, "
+            f"{meant}, or an offset such as +10:00"
+        )
     try:
+        if zone.lower() in MACHINE_ZONES:
+            raise LookupError(zone)
         return ZoneInfo(zone)
     except (ValueError, OSError, LookupError) as error:
         raise InputError(
             f"record.time_zone: {zone!r} is no zone; give a name such as Australia/Hobart, or +10:00"
         ) from error
+
+
+def zones_of_abbreviation(text: str) -> str:
+    """IANA names, separated by commas, that an abbreviation of a zone at the end of a text may mean; empty without."""
+    word = re.search(r"(?:^|[\W\d_])([A-Za-z]+)\W*$", text)
+    return ZONES_OF_ABBREVIATION.get(word[1].upper(), "") if word else ""
 
 
 def parse_time(text: str, where: str) -> np.datetime64:
@@ -158,8 +198,8 @@ def times_of_numbers(values: np.ndarray, form: str, zone: str | None, source: st
     form: one of EPOCHS; days are rounded to milliseconds, which a worksheet has, seconds to microseconds, which a
     number of 16 digits has. zone: of days, as of parse_times; Unix time is UTC. Raises InputError as it.
     """
-    epoch, unit, step = EPOCHS[form]
-    steps = np.round(values * (unit / step))
+    epoch, number, unit, step = EPOCHS[form]
+    steps = np.round((values - number) * (unit / step))
     first, last = (
         np.datetime64(f"{year}-01-01").astype("datetime64[s]").astype(float) * (ONE_SECOND / step)
         - epoch.astype(float) / step.astype(float)
@@ -169,7 +209,7 @@ def times_of_numbers(values: np.ndarray, form: str, zone: str | None, source: st
     if strange.any():
         raise InputError(
             f"{source}: {values[strange][0]:.17g} is no time of record.time_format: {form}: years run from "
-            f"{FIRST_YEAR} to {LAST_YEAR} here"
+            f"{FIRST_YEAR} to {LAST_YEAR} here; it may be {formats_of_number(values[strange][0])}"
         )
     known = np.isfinite(steps)
     time = np.full(len(values), np.datetime64("NaT", "ns"))
@@ -179,6 +219,16 @@ def times_of_numbers(values: np.ndarray, form: str, zone: str | None, source: st
     if zone is not None:
         time = _to_utc(time, zone)
     return time, int(known.sum())
+
+
+def formats_of_number(number: float) -> str:
+    """Formats of EPOCHS by which a number is a time, each with its day, in a list for a message; else all of them."""
+    days = {}
+    for form, (epoch, zero, unit, _) in EPOCHS.items():
+        second = (number - zero) * (unit / ONE_SECOND) + epoch.astype("datetime64[s]").astype(float)
+        if FIRST.astype("datetime64[s]").astype(float) <= second <= LAST.astype("datetime64[s]").astype(float):
+            days[form] = str(np.datetime64(int(second), "s"))[:10]
+    return ", ".join(f"{form} ({day})" for form, day in days.items()) or ", ".join(EPOCHS)
 
 
 def times_of_parts(parts: Mapping[str, np.ndarray], zone: str | None) -> tuple[np.ndarray, int]:

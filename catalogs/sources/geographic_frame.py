@@ -74,4 +74,11 @@ def _parse_crs(text: str | int) -> CRS:
     units = {axis.unit_name for axis in projection.axis_info[:2]}
     if not projection.is_projected or units != {"metre"}:
         raise InputError(f"frame.crs: {projection.name}: expected a projected system in metres, not {', '.join(units)}")
+    directions = [axis.direction for axis in projection.axis_info[:2]]
+    if {*directions} != {"east", "north"}:  # in either order: always_xy puts the easting first
+        raise InputError(
+            f"frame.crs: {projection.name}: its axes run {' and '.join(directions)}, and here x runs east and y north; "
+            "transform all coordinates to a system whose axes run east and north, and give that one (EPSG code, or "
+            "PROJ text without +axis)"
+        )
     return projection

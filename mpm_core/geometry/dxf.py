@@ -6,16 +6,15 @@ Imports ezdxf, which takes half a second: only solid_files.py imports this, wher
 import logging
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import ezdxf
 import numpy as np
-from ezdxf.disassemble import recursive_decompose
 from ezdxf.document import Drawing
-from ezdxf.entities import LWPolyline, Polyline
+from ezdxf.entities import Insert, LWPolyline, Polyline
 from ezdxf.path import make_path
 from ezdxf.render import MeshBuilder
 
@@ -33,9 +32,11 @@ ACIS_ENTITIES = {
 }  # fmt: skip
 FLAT_ENTITIES = {"SOLID", "TRACE", "HATCH"}
 OUTLINE_ENTITIES = ("LWPOLYLINE", "POLYLINE")
+LAYER_OF_INSERT = "0"  # on which the contents of a block take the layer of its insert
 FACES, OUTLINES = "faces", "outlines"  # sorts of entities that solids and prisms are read from
 PRISM_REMEDY = "give shape: prism with lower and upper to extrude them, or draw the solid's faces"
 MAX_INSERTED_ENTITIES = 300_000  # Entities to which a drawing's blocks may unfold.
+MIN_OUTLINE_CORNERS = 3
 MAX_CHORD_ERROR = 1e-3  # Largest distance of an arc from its chords, as a share of the outline's size.
 
 
@@ -101,17 +102,22 @@ def _faces_of(path: Path) -> tuple[dict[str, LayerFaces], int, dict[str, str]]:
             corners = entity.wcs_vertices()
             found = corners, [range(len(corners))]
         elif kind == "MESH":
-            builder = MeshBuilder.from_mesh(entity)
-            found = builder.vertices, builder.faces
+            found = entity.vertices, list(entity.faces)
             smoothed[layer] += entity.dxf.get("subdivision_levels", 0) > 0
         elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
             builder = MeshBuilder.from_polyface(entity)
             found = builder.vertices, builder.faces
         elif kind in ACIS_ENTITIES | FLAT_ENTITIES:
             unread.setdefault(layer, Counter())[kind] += 1
-        if found is not None:
-            mesh = np.array([tuple(v) for v in found[0]], dtype=np.float64), triangles(found[1])
-            meshes.setdefault(layer, []).append(mesh)
+        if found is None:
+            continue
+        facets = triangles(found[1])
+        if not len(facets):
+            unread.setdefault(layer, Counter())[f"{kind} without a face"] += 1
+            continue
+        if facets.max() >= len(found[0]):
+            raise InputError(f"layer {layer!r} holds a {kind} with faces of vertices that it lacks: export it again")
+        meshes.setdefault(layer, []).append((np.array([tuple(v) for v in found[0]], dtype=np.float64), facets))
     layers = {
         name: LayerFaces(join(meshes[name]) if name in meshes else None, unread.get(name, Counter()), smoothed[name])
         for name in dict.fromkeys([*meshes, *unread])
@@ -205,14 +211,23 @@ def read_outlines(path: Path, layer: str | None) -> tuple[dict[str, list[np.ndar
     """
     entities, code, hidden = _parsed(path)
     outlines: dict[str, list[np.ndarray]] = {}
+    short: Counter[str] = Counter()
     for kind, on_layer, entity in entities:
         is_outline = kind in OUTLINE_ENTITIES and not getattr(entity, "is_poly_face_mesh", False)
         if is_outline and not getattr(entity, "is_polygon_mesh", False) and _is_closed(entity):
             line = make_path(entity)
-            corners = np.array([tuple(point) for point in line.control_vertices()])
-            size = np.ptp(corners, axis=0).max(initial=0.0)
-            points = np.array([tuple(point) for point in line.flattening(max(MAX_CHORD_ERROR * size, 1e-9))])
-            outlines.setdefault(on_layer, []).append(points[:-1])
+            corners = np.array([tuple(point) for point in line.control_vertices()]).reshape(-1, 3)
+            size = np.ptp(corners, axis=0).max(initial=0.0) if len(corners) else 0.0
+            points = [tuple(point) for point in line.flattening(max(MAX_CHORD_ERROR * size, 1e-9))][:-1]
+            if len(points) < MIN_OUTLINE_CORNERS:
+                short[on_layer] += 1
+            else:
+                outlines.setdefault(on_layer, []).append(np.array(points))
+    for name, count in short.items():
+        if _picks_any(layer, [name]):
+            logging.warning(
+                "%s: layer %s: %d closed polylines with less than three corners: left out", path, name, count
+            )
     if not _picks_any(layer, outlines):
         raise _without_outlines(layer, _contents(entities))
     return _without_hidden(path, outlines, layer, hidden), _unit(path, code)
@@ -253,19 +268,29 @@ def _parsed(path: Path) -> tuple[list[tuple[str, str, Any]], int, dict[str, str]
             f"its inserted blocks unfold to {unfolded:.3g} entities, more than {MAX_INSERTED_ENTITIES:,}: export the "
             "solid alone, as plain faces"
         )
-    entities = list(recursive_decompose(drawing.modelspace()))
+    entities = list(_decomposed(drawing.modelspace()))
     names = {layer.dxf.name.lower(): layer.dxf.name for layer in drawing.layers}  # capitals make no other layer
-    on_layer = [entity.dxf.get("layer", "0") for entity in entities]
-    listed = [
-        (entity.dxftype(), names.setdefault(name.lower(), name), entity)
-        for entity, name in zip(entities, on_layer, strict=True)
-    ]
+    listed = [(entity.dxftype(), names.setdefault(name.lower(), name), entity) for name, entity in entities]
     hidden = {
         layer.dxf.name: "frozen" if layer.is_frozen() else "off"
         for layer in drawing.layers
         if layer.is_frozen() or layer.is_off()
     }
     return listed, drawing.header.get("$INSUNITS", 0), hidden
+
+
+def _decomposed(entities: Iterable[Any], insert_layer: str = LAYER_OF_INSERT) -> Iterator[tuple[str, Any]]:
+    """Layer and entity of all entities, inserted blocks unfolded: what a block holds on layer 0 is on the layer of its
+    insert (insert_layer), as in CAD."""
+    for entity in entities:
+        layer = entity.dxf.get("layer", LAYER_OF_INSERT)
+        layer = insert_layer if layer == LAYER_OF_INSERT else layer
+        if not isinstance(entity, Insert):
+            yield layer, entity
+        else:
+            inserts = entity.multi_insert() if entity.mcount > 1 else [entity]
+            for insert in inserts:
+                yield from _decomposed(insert.virtual_entities(), layer)
 
 
 def _unfolded(drawing: Drawing, layout, known: dict[str, int]) -> int:

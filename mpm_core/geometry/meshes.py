@@ -5,6 +5,7 @@ A file may hold several bodies: layers of a drawing, elements of a project, obje
 
 import functools
 import logging
+import re
 from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -18,6 +19,7 @@ ALL_NAMES = "*"  # As element or layer it stands for all of them, which are one 
 UNNAMED = "unnamed"  # Name of the faces of an OBJ file that are in no object or group.
 MAX_NAMES_SHOWN = 20
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+NO_STL = "neither text with vertices nor binary with triangles: export it again"
 STL_HEADER = 84  # bytes: 80 of text, then the number of triangles
 Part = TypeVar("Part")
 Parsed = TypeVar("Parsed")
@@ -81,7 +83,8 @@ def triangles(faces: list) -> np.ndarray:
 
 
 def read_stl(path: Path, element: str | None = None) -> Mesh:
-    """Every body of an STL file together, or the `solid` of a text file by its name."""
+    """Every body of an STL file together, or the `solid` of a text file by its name. Vertices of a binary file are
+    float32, as it holds them."""
     if not _is_text_stl(path):
         raw = path.read_bytes()
         return _binary_stl(raw, _announced(raw), element)
@@ -100,20 +103,22 @@ def _announced(raw: bytes) -> int:
 
 def _is_text_stl(path: Path) -> bool:
     raw = path.read_bytes()
-    is_text = raw[:512].lstrip()[:5].lower() == b"solid" and b"vertex" in raw[:4096].lower()
-    return is_text and len(raw) != STL_HEADER + _announced(raw) * STL_FACET.itemsize
+    has_zeros = b"\0" in raw  # numbers of binary STL have zero bytes, text has none; headers may begin with any word
+    return not has_zeros and len(raw) != STL_HEADER + _announced(raw) * STL_FACET.itemsize
 
 
 @parsed_once(8)
 def _parsed_stl(path: Path) -> dict[str, list[Mesh]]:
-    """Solids of a text STL file by name."""
+    """Solids of a text STL file by name. Raises InputError for a file without vertices."""
+    raw = path.read_bytes()
+    if not re.search(rb"vertex", raw, re.IGNORECASE):
+        raise InputError(NO_STL)
     import trimesh
 
     scene = trimesh.load_scene(path, process=False)  # trimesh would merge vertices that are near, not equal
     bodies = {name: [(np.asarray(body.vertices), np.asarray(body.faces))] for name, body in scene.geometry.items()}
     if len(bodies) == 1:  # trimesh names a lone one after its file
-        with path.open("rb") as file:
-            first = file.read(512).split(b"\n")[0].decode(errors="replace").strip()
+        first = raw.partition(b"\n")[0].decode(errors="replace").strip()
         bodies = {first[len("solid") :].strip(): next(iter(bodies.values()))}
     return bodies
 
@@ -121,7 +126,7 @@ def _parsed_stl(path: Path) -> dict[str, list[Mesh]]:
 def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
     held = (len(raw) - STL_HEADER) // STL_FACET.itemsize
     if held < 1 or counted == 0:
-        raise InputError("neither text with vertices nor binary with triangles: export it again")
+        raise InputError(NO_STL)
     if counted > held:
         raise InputError(f"is cut off: {counted:,} triangles are announced, {held:,} are there: export it again")
     if element:
@@ -129,7 +134,7 @@ def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
     if len(raw) > STL_HEADER + counted * STL_FACET.itemsize:
         logging.warning("more follows its %d triangles; left out", counted)
     facets = np.frombuffer(raw, STL_FACET, counted, STL_HEADER)
-    return facets["corners"].reshape(-1, 3).astype(np.float64), np.arange(3 * counted).reshape(-1, 3)
+    return facets["corners"].reshape(-1, 3), np.arange(3 * counted).reshape(-1, 3)
 
 
 def read_obj(path: Path, element: str | None = None) -> Mesh:
@@ -192,13 +197,16 @@ def _parsed_obj(path: Path) -> tuple[np.ndarray, dict[tuple[str, str], np.ndarra
 
 
 def read_ply(path: Path) -> Mesh:
-    """The one body of a PLY file."""
+    """The one body of a PLY file. Its vertices are float32 where all of them are numbers of that kind."""
     import trimesh
 
     mesh = trimesh.load_mesh(path, process=False)
     if not hasattr(mesh, "faces"):
         raise InputError("holds points but no triangles: export the solid as a triangulated surface")
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+    vertices = np.asarray(mesh.vertices, dtype=np.float64)
+    with np.errstate(over="ignore"):
+        single = vertices.astype(np.float32)
+    return single if (single == vertices).all() else vertices, np.asarray(mesh.faces, dtype=np.int64)
 
 
 def read_omf(path: Path, element: str | None = None) -> Mesh:

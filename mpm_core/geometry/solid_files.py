@@ -31,6 +31,7 @@ METRES_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048
 # Shares of the volume that depend on how an open surface is closed. Above the first there is a warning, above the
 # second the file is refused.
 OPEN_SHARE_WARNED, MAX_OPEN_SHARE_ACCEPTED = 0.05, 0.3
+MAX_COORDINATE_STEP_UNTOLD = 0.01  # m; surveys of openings are about as exact
 MAX_VERTEX_COORDINATE = 1e8  # No mine has larger coordinates (m), and float64 resolves 1e-8 m there.
 
 
@@ -73,7 +74,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
 
     `layer` and `element` are needed only if a DXF or OMF file has several; "*" stands for any text in them. Vertices at
     exactly the same place become one; triangles without area or said twice are dropped, those that look the wrong way
-    are turned (orientation.py). Binary STL holds float32: at 1e6 m it is good to 6 cm, and nothing here can mend that.
+    are turned (orientation.py). A warning names a file whose single precision (float32) leaves coarse coordinates.
 
     Raises InputError naming the file if it is missing, unreadable, of another format, or bounds no volume.
     """
@@ -95,11 +96,14 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     (vertices, facets), own_unit = _read(path, name, readers[ending])
     if len(facets) and (np.min(facets) < 0 or np.max(facets) >= len(vertices)):
         raise InputError(f"{path}: {name}: has triangles of vertices that it does not hold: export it again")
-    vertices = _placed(path, name, picked, vertices, own_unit)
+    single = vertices if vertices.dtype == np.float32 else None
+    vertices = _placed(path, name, picked, vertices.astype(np.float64), own_unit)
     if not np.isfinite(vertices).all():
         raise InputError(f"{path}: {name}: holds coordinates that are not finite: export it again")
     if np.abs(vertices).max(initial=0.0) > MAX_VERTEX_COORDINATE:
         raise InputError(f"{path}: {name}: coordinates up to {np.abs(vertices).max():.3g} m are no mine's: see `units`")
+    if single is not None and len(single):
+        _check_precision(path, name, picked, single)
     vertices, facets = _tidy(vertices, facets)
     if len(facets) == 0:
         raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
@@ -189,6 +193,18 @@ def read_outlines(path: str | Path, name: str, picked: Picked, height: float | N
             path, name, layer, holes, len(found),
         )  # fmt: skip
     return outlines
+
+
+def _check_precision(path: Path, name: str, picked: Picked, vertices: np.ndarray) -> None:
+    """Warn of a file whose coordinates (v, 3) float32, in its own unit, lie on steps that a survey would see."""
+    largest = np.abs(vertices).max()
+    step = float(np.spacing(largest)) * METRES_PER_UNIT[picked.units or "m"] * picked.scale
+    if step > MAX_COORDINATE_STEP_UNTOLD:
+        logging.warning(
+            "%s: %s: the file holds its coordinates in single precision, in steps of %.2g m at %.9g: walls may lie "
+            "%.2g m from their place; export it as OBJ or DXF, or near the origin, and give `offset`",
+            path, name, step, largest, 0.5 * step,
+        )  # fmt: skip
 
 
 def _placed(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_unit: float | None) -> np.ndarray:

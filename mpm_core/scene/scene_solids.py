@@ -15,6 +15,10 @@ from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.domain import Domain
 from mpm_core.settings import SolidSettings
 
+MAX_SHARE_LEFT_AWAY = (
+    0.01  # Of the distance of a solid from where it belongs: with less left, a change of axes is right.
+)
+
 
 def read_solids(
     entries: Sequence[SolidSettings], section: str, domain: Domain, may_miss: bool = False
@@ -76,9 +80,23 @@ def check_inside(solid: Solid, domain: Domain, section: str, from_file: bool, ma
             f"{section}.{solid.name}: lies outside the domain ({_span(lower, upper)}; "
             f"domain {_span(domain.lower, domain.upper)}): check its coordinates"
             f"{', its units, scale and offset' if from_file else ''} and domain.lower, domain.upper"
+            f"{exchanged_hint(lower, upper, domain.lower, domain.upper)}"
         )
     elif (lower < domain.lower).any() or (upper > domain.upper).any():
         logging.warning("%s.%s reaches beyond the domain; the part inside is used", section, solid.name)
+
+
+def exchanged_hint(lower: np.ndarray, upper: np.ndarray, other_lower: np.ndarray, other_upper: np.ndarray) -> str:
+    """The end of a message on a box (3,), (3,) m away from another one: that it would lie there if x and y were
+    exchanged; empty where it would not, and in plane strain."""
+    order = [1, 0, 2]
+    if len(lower) < 3:
+        return ""
+    away, exchanged = (
+        np.linalg.norm(np.maximum(np.maximum(other_lower - high, low - other_upper), 0.0))
+        for low, high in ((lower, upper), (lower[order], upper[order]))
+    )
+    return "; with x and y exchanged it would lie there" if exchanged < MAX_SHARE_LEFT_AWAY * away else ""
 
 
 def _span(lower, upper) -> str:

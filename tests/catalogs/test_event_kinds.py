@@ -122,7 +122,8 @@ def test_types_that_say_nothing_count_and_are_told(tmp_path):
 
 
 def test_rejected_origins_magnitudes_and_events_do_not_count(tmp_path):
-    """The preferred origin decides, else the first that is not rejected; a rejected magnitude is no size."""
+    """The preferred origin decides, else one that is not rejected; a rejected magnitude is no size, and where rejected
+    ones are kept it is one if there is no other."""
     preferred = "<preferredOriginID>smi:local/b/1</preferredOriginID>"
     events = [
         event("a", "earthquake", origins=(("950", "rejected"), ("940", "Confirmed"))),
@@ -136,7 +137,7 @@ def test_rejected_origins_magnitudes_and_events_do_not_count(tmp_path):
     np.testing.assert_allclose(record["location"].values[:, 2], [-940, -950])
     np.testing.assert_allclose(record["mw"], [-0.5, 1.0])
     kept = quakeml(tmp_path, *events, filter={"keep": "rejected"})
-    np.testing.assert_allclose(kept["mw"], [-0.5, -0.5, -0.5, 2.0, 2.0])
+    np.testing.assert_allclose(kept["mw"], [-0.5, -0.5, -0.5, 1.0, 2.0])
 
 
 def test_filters_of_a_quakeml_record_ask_for_type_status_and_mode(tmp_path):
@@ -230,6 +231,76 @@ def test_several_origins_and_magnitudes_without_a_preferred_one(tmp_path):
     dangling = "<preferredOriginID>smi:local/nowhere</preferredOriginID>"
     record = quakeml(tmp_path, event("a", "earthquake", origins, magnitudes, preferred=dangling))
     assert float(record["location"][0, 2]) == pytest.approx(-950)
+
+
+MANUAL, AUTOMATIC = "<evaluationMode>manual</evaluationMode>", "<evaluationMode>automatic</evaluationMode>"
+FIRST_WORSE = [  # evaluations of which the second counts
+    (AUTOMATIC, MANUAL),
+    (AUTOMATIC, ""),
+    ("", MANUAL),
+    (status("preliminary"), status("reviewed")),
+    (status("preliminary"), status("confirmed")),
+    (status("preliminary"), ""),
+    ("", status("Final")),
+    (AUTOMATIC + status("reviewed"), MANUAL + status("preliminary")),
+    (MANUAL + status("preliminary"), MANUAL + status("reviewed")),
+    (MANUAL + status("rejected"), AUTOMATIC),
+    (status("rejected"), status("preliminary")),
+]
+
+
+def evaluated(name: str, states: tuple[str, str], preferred: str = "") -> str:
+    """An event with two origins, 10 m apart, and two magnitudes, 1 and 2, evaluated so."""
+    text = event(name, "earthquake", (("950", "A"), ("940", "B")), ((1.0, "Mw", "A"), (2.0, "Mw", "B")), preferred)
+    for letter, state in zip("AB", states, strict=True):
+        text = text.replace(status(letter), state)
+    return text
+
+
+@pytest.mark.parametrize("states", FIRST_WORSE)
+def test_a_reviewed_origin_and_magnitude_count_before_automatic_ones(tmp_path, caplog, states):
+    """Whichever stands first, unless one is preferred; the log says how many are not the first."""
+    with caplog.at_level(logging.INFO):
+        record = quakeml(tmp_path, evaluated("a", states), evaluated("b", states[::-1]))
+    np.testing.assert_allclose(record["location"].values[:, 2], [-940, -950])
+    np.testing.assert_allclose(record["mw"], [2.0, 1.0])
+    assert "2 events have several origins and " in caplog.text
+    assert "reviewed ones count before automatic ones; 1 origins are not the first of their event" in caplog.text
+    if "rejected" not in states[0]:
+        chosen = "<preferredOriginID>smi:local/a/0</preferredOriginID>"
+        record = quakeml(tmp_path, evaluated("a", states, chosen))
+        assert float(record["location"][0, 2]) == pytest.approx(-950)
+
+
+def test_a_magnitude_without_an_evaluation_has_that_of_its_origin(tmp_path):
+    def change(text: str) -> str:
+        for letter, origin in zip("AB", "01", strict=True):
+            text = text.replace(
+                f"</type>\n{letter}</magnitude>", f"</type><originID>smi:local/a/{origin}</originID></magnitude>"
+            )
+        return text
+
+    states = (AUTOMATIC, MANUAL)
+    text = event("a", "earthquake", (("950", "A"), ("940", "B")), ((1.0, "Mw", "C"), (2.0, "Mw", "D")))
+    for letter, state in zip("ABCD", (*states, "A", "B"), strict=True):
+        text = text.replace(status(letter), state)
+    record = quakeml(tmp_path, text, change=change)
+    assert float(record["mw"][0]) == pytest.approx(2.0)
+
+
+def test_a_reviewed_mechanism_counts_before_an_automatic_one(tmp_path):
+    tensor = "".join(f"<M{axes}><value>{{{axes}}}</value></M{axes}>" for axes in ("rr", "tt", "pp", "rt", "rp", "tp"))
+
+    def mechanism(number: int, size: float, state: str) -> str:
+        values = dict.fromkeys(("rr", "rt", "rp", "tp"), 0.0) | {"tt": size, "pp": -size}
+        return (
+            f'<focalMechanism publicID="smi:local/f{number}"><momentTensor publicID="smi:local/t{number}">'
+            f"<tensor>{tensor.format(**values)}</tensor></momentTensor>{state}</focalMechanism>"
+        )
+
+    both = mechanism(1, 1e9, AUTOMATIC) + mechanism(2, 4e9, MANUAL)
+    record = quakeml(tmp_path, event("a", "earthquake").replace("</event>", f"{both}</event>"))
+    assert float(record["moment"][0]) == pytest.approx(4e9)
 
 
 def test_what_is_no_quakeml_is_one_line_that_says_what_it_is(tmp_path):

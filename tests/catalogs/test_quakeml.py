@@ -419,6 +419,36 @@ def test_frame_from_a_projected_system():
         assert latitude[0] == pytest.approx(-41.8, abs=0.02)
 
 
+@pytest.mark.parametrize("crs", [32755, 2193, "EPSG:2193+7839", "+proj=tmerc +lon_0=174 +axis=neu +type=crs"])
+def test_x_is_the_easting_whichever_coordinate_a_system_lists_first(crs):
+    """1 km along x leads east, 1 km along y north. Systems of New Zealand list the northing first."""
+    frame = MineFrame({"crs": crs})
+    near = (147.0, -41.8) if crs == 32755 else (174.0, -41.0)
+    origin = frame.to_mine(np.array([near[1]]), np.array([near[0]]), np.zeros(1))
+    latitude, longitude, _ = frame.to_globe(origin + np.array([[0, 0, 0], [1000, 0, 0], [0, 1000, 0]]))
+    assert longitude[1] - longitude[0] > 0.01 > 0.001 > abs(latitude[1] - latitude[0])
+    assert latitude[2] - latitude[0] > 0.008 > 0.001 > abs(longitude[2] - longitude[0])
+
+
+@pytest.mark.parametrize(
+    ("crs", "axes"),
+    [
+        (2053, "west and south"),
+        (5513, "south and west"),
+        (2218, "north and west"),
+        (3052, "west and north"),
+        (3413, "south and south"),  # polar: each axis follows a meridian
+        (3031, "north and north"),
+        ("+proj=tmerc +lon_0=29 +axis=wsu +datum=WGS84 +units=m +type=crs", "west and south"),
+        (CRS.from_epsg(2053).to_wkt(), "west and south"),
+    ],
+)
+def test_a_system_whose_axes_do_not_run_east_and_north_is_refused(crs, axes):
+    with pytest.raises(InputError, match=rf"frame\.crs: .*: its axes run {axes}, .*transform all coordinates") as error:
+        MineFrame({"crs": crs})
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("frame", "message"),
     [

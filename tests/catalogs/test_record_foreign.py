@@ -50,6 +50,25 @@ def test_an_encoding_that_is_none_or_another_is_one_line(tmp_path):
     assert read(tmp_path, PLAIN.encode("utf-8-sig"), encoding="utf-8").sizes["event"] == 2
 
 
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (b"MATLAB 5.0 MAT-file Platform: posix".ljust(124) + b"\0\1IM", "a file of MATLAB, not a CSV file; export it"),
+        (b"MATLAB 7.3 MAT-file Platform: posix".ljust(124) + b"\0\2IM", "a file of MATLAB"),
+        (b"\x89HDF\r\n\x1a\n\0\0", "an HDF5 file"),
+        (b"PAR1\x15\x04\0", "a Parquet file"),
+        (b"SQLite format 3\0\x10\0", "a database of SQLite"),
+        (b"time,x\n" + bytes(range(256)), "it holds zero bytes"),
+    ],
+)
+def test_a_file_that_is_no_text_is_named_and_no_encoding_is_offered(tmp_path, content, what):
+    line = refused(tmp_path, content)
+    assert what in line
+    assert "utf-16" not in line
+    if "zero bytes" not in what:
+        assert "zero bytes" not in line
+
+
 # ---- times that are numbers, or stand in columns of their parts ----
 
 EXCEL_DAYS = (43678.5, 43690.0 + 0.5 / 86400)  # days since 1899-12-30
@@ -57,6 +76,7 @@ UNIX = (1564660800, 1565654400.5)  # seconds since 1970
 NUMBERED = {  # time_format: the two times of PLAIN
     "excel": EXCEL_DAYS,
     "excel_1904": [day - 1462 for day in EXCEL_DAYS],
+    "matlab": [day + 693_960 for day in EXCEL_DAYS],
     "unix": UNIX,
     "unix_ms": [1000 * second for second in UNIX],
 }
@@ -73,8 +93,8 @@ def test_times_that_are_numbers_are_read_where_a_key_says_what_they_are(tmp_path
         text = text.replace(",", ";").replace(".", ",")
     record = read(tmp_path, text, time_format=form)
     np.testing.assert_array_equal(record["time"].values, TIMES)
-    assert ("times_text" in record.attrs) == form.startswith("excel")
-    assert "say record.time_format: excel" in refused(tmp_path, text)
+    assert ("times_text" in record.attrs) == (not form.startswith("unix"))
+    assert f"{form} (2019-08-01)" in refused(tmp_path, text).partition("say record.time_format: ")[2]
 
 
 def test_days_of_a_worksheet_are_local_times_and_may_stand_in_two_columns(tmp_path):
@@ -112,7 +132,8 @@ WRONG_TIMES = {  # text, columns, other settings, what the line says
     "no month": (PARTS, PLACES | {"year": "Y", "day": "D"}, {}, "name the columns of all parts of the time"),
     "both": (PARTS, IN_PARTS | {"time": "D"}, {}, "record.columns.time: the time stands in columns of its parts"),
     "milliseconds as seconds": (PLAIN.replace("2019-08-01T12:00:00", "1564660800000").replace(
-        "2019-08-13T00:00:00.5", "1565654400500"), COLUMNS, {"time_format": "unix"}, "1564660800000 is no time of"),
+        "2019-08-13T00:00:00.5", "1565654400500"), COLUMNS, {"time_format": "unix"},
+        "1564660800000 is no time of record.time_format: unix: years run from 1678 to 2261 here; it may be unix_ms ("),
     "a zone of Unix time": (PLAIN, COLUMNS, {"time_format": "unix", "time_zone": "+10:00"}, "Unix time is UTC"),
     "an order of a number": (PLAIN, COLUMNS, {"time_format": "excel", "date_order": "day"}, "has no order of day and"),
     "a date": (PLAIN, COLUMNS, {"time_format": "excel"}, "column 'time': '2019-08-01T12:00:00' is not a number"),

@@ -7,7 +7,7 @@ import pytest
 from csv_fixtures import COLUMNS, read, refused
 from test_event_kinds import event, quakeml
 
-from catalogs.records.times import check_zone, parse_time
+from catalogs.records.times import ZONES_OF_ABBREVIATION, check_zone, parse_time
 from common.errors import InputError
 from workflow.dates import read_date
 
@@ -78,6 +78,36 @@ def test_an_offset_in_a_name_is_a_zone_that_the_key_must_not_contradict(tmp_path
         assert read(tmp_path, *utc, time_zone=zone)["time"].values[0] == np.datetime64("2019-08-01T06", "ns")
     assert "is of +08:00 by its name" in refused(tmp_path, text, columns, time_zone="Etc/GMT")
     assert read(tmp_path, text, columns, time_zone="Etc/GMT-8").sizes["event"] == 6
+
+
+@pytest.mark.parametrize(
+    ("zone", "place"),
+    [("EST", "Australia/Sydney"), ("CST", "Asia/Shanghai"), ("IST", "Europe/Dublin"), ("BST", "Europe/London"),
+     ("CET", "Africa/Algiers"), ("MST", "America/Phoenix"), ("est", "America/Toronto"), ("AEST", "Australia/Brisbane")],
+)  # fmt: skip
+def test_an_abbreviation_of_a_zone_is_asked_about(tmp_path, zone, place):
+    """In the key, and at the end of times. Eastern Standard Time is five hours behind UTC, or ten ahead."""
+    line = refused(tmp_path, table(), time_zone=zone)
+    assert "record.time_zone" in line
+    assert f"'{zone}' is an abbreviation" in line
+    assert place in line
+    line = refused(tmp_path, table().replace("06:00:00", f"06:00:00 {zone}"))
+    assert "column 'time'" in line
+    assert "name a place with record.time_zone: " in line
+    assert place in line
+
+
+def test_places_named_for_an_abbreviation_are_zones():
+    for places in ZONES_OF_ABBREVIATION.values():
+        for place in places.split(", "):
+            assert check_zone(place)
+    for zone in ("GB", "NZ", "Japan", "UTC", "Etc/GMT+5", "EST5EDT"):
+        assert check_zone(zone)
+
+
+@pytest.mark.parametrize("zone", ["localtime", "posixrules", "Factory"])
+def test_the_zone_of_the_computer_is_none_of_a_record(tmp_path, zone):
+    assert f"record.time_zone: '{zone}' is no zone" in refused(tmp_path, table(), time_zone=zone)
 
 
 def test_localities_and_results_are_not_local_times(tmp_path, caplog):

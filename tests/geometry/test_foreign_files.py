@@ -77,11 +77,58 @@ def test_units_scale_and_offset_place_any_file(tmp_path, ending):
     np.testing.assert_allclose(solid.bounds, np.array([[0, 0, 0], [8, 4, 2]]) * 0.6096 + [50, 60, 70], rtol=1e-12)
 
 
+MAP = np.array([512_345.67, 7_523_456.78, 0.0])
+FAR = trimesh.Trimesh(BOX.vertices + MAP, BOX.facets, process=False)
+
+
+@pytest.mark.parametrize("ending", ["stl", "ply"])
+def test_single_precision_that_moves_walls_is_told_with_its_step(tmp_path, caplog, ending):
+    """Numbers of 32 bits lie 0.5 m apart at 7.5 million, 15 cm where these are feet; near the origin all is well."""
+    path = tmp_path / f"stope.{ending}"
+    FAR.export(path)
+    read_solid(path, "stope")
+    assert (
+        f"stope.{ending}: stope: the file holds its coordinates in single precision, in steps of 0.5 m" in caplog.text
+    )
+    assert "walls may lie 0.25 m from their place; export it as OBJ or DXF, or near the origin" in caplog.text
+    caplog.clear()
+    read_solid(path, "stope", units="ft")
+    assert "in steps of 0.15 m" in caplog.text
+    caplog.clear()
+    trimesh.Trimesh(BOX.vertices, BOX.facets).export(path)
+    assert read_solid(path, "stope", offset=tuple(MAP)).volume == pytest.approx(64)
+    assert "precision" not in caplog.text
+
+
+def test_double_precision_is_not_told(tmp_path, caplog):
+    """Text of STL, OBJ and PLY, and a PLY of doubles."""
+    FAR.export(tmp_path / "stope.obj", digits=6)
+    (tmp_path / "stope.stl").write_text(text_stl("s", Solid("s", FAR.vertices, FAR.faces)))
+    head = "ply\nformat ascii 1.0\nelement vertex 8\nproperty double x\nproperty double y\nproperty double z\n"
+    rows = [" ".join(map(repr, row)) for row in FAR.vertices.tolist()]
+    rows += [" ".join(map(str, [3, *row])) for row in FAR.faces.tolist()]
+    head += "element face 12\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "stope.ply").write_text(head + "\n".join(rows) + "\n")
+    for ending in ("obj", "stl", "ply"):
+        assert read_solid(tmp_path / f"stope.{ending}", "stope").volume == pytest.approx(64, rel=1e-6)
+    assert "precision" not in caplog.text
+
+
 def test_what_lands_outside_the_domain_asks_for_its_units(tmp_path):
     """Millimetres are what many programs write who drew in metres."""
     path = drawing(tmp_path / "stope.dxf", lambda d, s: [s.add_3dface(BOX.vertices[f] - 100) for f in BOX.facets], 4)
     with pytest.raises(InputError, match=r"excavations\.stope: lies outside .*check its coordinates, its units, scale"):
         solid_of({"file": str(path)})
+
+
+def test_what_lands_outside_the_domain_with_x_and_y_exchanged_says_so(tmp_path):
+    domain = Domain(np.array([500.0, 7000, 0]), np.array([10, 10, 10]), 20.0, 3)
+    path = tmp_path / "stope.obj"
+    trimesh.Trimesh(BOX.vertices + np.array([7010, 510, 10]), BOX.facets).export(path)
+    with pytest.raises(InputError, match=r"domain\.upper; with x and y exchanged it would lie there"):
+        read_solids([{"name": "stope", "file": str(path)}], "excavations", domain)
+    with pytest.raises(InputError, match=r"domain\.upper$"):
+        read_solids([{"name": "stope", "file": str(path), "offset": [0, 900, 0]}], "excavations", domain)
 
 
 def test_coordinates_beyond_any_mine_are_refused(tmp_path):
@@ -136,29 +183,46 @@ def test_bodies_of_an_obj_are_picked_by_object_or_group(tmp_path):
         read_solid(path, "stope", element="Level 3")
 
 
+def text_stl(name: str, solid: Solid) -> str:
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*v) for v in facet)
+        + "endloop\nendfacet\n" for facet in solid.vertices[solid.facets]
+    )  # fmt: skip
+    return f"solid {name}\n{facets}endsolid {name}\n"
+
+
 def test_solids_of_a_text_stl_are_picked_by_name(tmp_path):
     path = tmp_path / "stope.stl"
-    text = ""
-    for name, solid in (("Stope A", BOX), ("Stope B", OTHER)):
-        corners = solid.vertices[solid.facets]
-        facets = "".join(
-            "facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*v) for v in facet)
-            + "endloop\nendfacet\n" for facet in corners
-        )  # fmt: skip
-        text += f"solid {name}\n{facets}endsolid {name}\n"
-    path.write_text(text)
+    path.write_text("".join(text_stl(name, solid) for name, solid in (("Stope A", BOX), ("Stope B", OTHER))))
     assert read_solid(path, "stope").volume == pytest.approx(64 * 9)
     assert read_solid(path, "stope", element="Stope B").volume == pytest.approx(512)
     with pytest.raises(InputError, match="'C' is not one of Stope A, Stope B"):
         read_solid(path, "stope", element="C")
 
 
+@pytest.mark.parametrize("start", ["", "\n\n  ", "\ufeff", "; exported by a planning package\n"])
+@pytest.mark.parametrize("name", ["S", "s" * 100, "long/folder/" * 2000, "étage", ""])
+@pytest.mark.parametrize("capitals", [False, True])
+def test_a_text_stl_is_told_by_its_bytes_not_by_its_first_line(tmp_path, start, name, capitals):
+    """A name of many kilobytes was read as a binary header, and its letters as a number of triangles."""
+    path = tmp_path / "stope.stl"
+    text = start + text_stl(name, BOX)
+    path.write_text(text.upper() if capitals else text, encoding="utf-8")
+    assert read_solid(path, "stope").volume == pytest.approx(64)
+
+
+def test_a_text_without_vertices_has_no_number_of_triangles(tmp_path):
+    path = tmp_path / "stope.stl"
+    path.write_text("solid " + "stope of a long name " * 20 + "\nendsolid\n")
+    with pytest.raises(InputError, match=r"stope\.stl: stope: neither text with vertices nor binary with triangles"):
+        read_solid(path, "stope")
+
+
 @pytest.mark.parametrize(
     ("header", "after"),
-    [
-        *itertools.product([b"solid COLOR=" + bytes(range(200, 255)), b"\x00" * 80], [b"", b"\x00\x01 left over"]),
-        (b"solid facet vertex", b""),  # with something left over it is a text file cut off, as far as anyone can tell
-    ],
+    itertools.product(
+        [b"solid COLOR=" + bytes(range(200, 255)), b"\x00" * 80, b"solid facet vertex"], [b"", b"\x00\x01 left over"]
+    ),
 )
 def test_binary_stl_with_an_odd_header(tmp_path, header, after):
     path = tmp_path / "stope.stl"
@@ -205,6 +269,103 @@ def test_acis_bodies_and_flat_faces_are_named(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         assert read_solid(both, "stope").volume == pytest.approx(64)
     assert "also holds 1 3DSOLID, 1 REGION" in caplog.text
+
+
+EMPTY_MESHES = {
+    "polyface": lambda space: space.add_polyface(dxfattribs={"layer": "STOPE"}),
+    "polyface without corners": lambda space: space.add_polyface(dxfattribs={"layer": "STOPE"}).append_faces([[]]),
+}
+
+
+@pytest.mark.parametrize("kind", EMPTY_MESHES)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_mesh_without_a_face_is_left_out_and_named(tmp_path, caplog, kind, first):
+    def add(document, space):
+        steps = [lambda: add_box_mesh(space), lambda: EMPTY_MESHES[kind](space)]
+        for step in reversed(steps) if first else steps:
+            step()
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    assert read_solid(path, "stope", layer="STOPE").volume == pytest.approx(64)
+    assert "also holds 1 POLYLINE without a face" in caplog.text
+    alone = drawing(tmp_path / "alone.dxf", lambda _, space: EMPTY_MESHES[kind](space))
+    with pytest.raises(InputError, match=r"alone\.dxf: stope: holds no triangulated surface: export"):
+        read_solid(alone, "stope", layer="STOPE")
+
+
+def add_box_mesh(space) -> None:
+    builder = MeshBuilder()
+    builder.add_mesh(vertices=BOX.vertices.tolist(), faces=BOX.facets.tolist())
+    builder.render_polyface(space, dxfattribs={"layer": "STOPE"})
+
+
+def test_a_mesh_of_vertices_that_it_lacks_is_refused(tmp_path):
+    """Joined with other meshes, its faces took theirs."""
+
+    def add(document, space):
+        add_box_mesh(space)
+        with space.add_mesh(dxfattribs={"layer": "STOPE"}).edit_data() as data:
+            data.vertices = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+            data.faces = [(0, 1, 3)]
+        add_box_mesh(space)
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    with pytest.raises(InputError, match="layer 'STOPE' holds a MESH with faces of vertices that it lacks"):
+        read_solid(path, "stope", layer="STOPE")
+
+
+def test_a_closed_polyline_without_three_corners_is_left_out_and_named(tmp_path, caplog):
+    def add(document, space):
+        for points in ([(0, 0)], [(0, 0), (1, 0)], [(0, 0), (4, 0), (4, 4), (0, 4)]):
+            space.add_lwpolyline(points, close=True)
+
+    entry = {"shape": "prism", "lower": 0.0, "upper": 2.0}
+    path = drawing(tmp_path / "ring.dxf", add)
+    assert solid_of({"file": str(path), **entry}).volume == pytest.approx(32)
+    assert "layer 0: 2 closed polylines with less than three corners: left out" in caplog.text
+    point = drawing(tmp_path / "point.dxf", lambda _, space: space.add_lwpolyline([(0, 0)], close=True))
+    with pytest.raises(InputError, match=r"point\.dxf: stope: holds no closed polyline"):
+        solid_of({"file": str(point), **entry})
+
+
+def block_of_box(document, name: str, layer: str) -> None:
+    """A block with the faces of BOX on a layer."""
+    block = document.blocks.new(name)
+    for facet in BOX.facets:
+        block.add_3dface(BOX.vertices[facet], dxfattribs={"layer": layer})
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_what_a_block_holds_on_layer_0_is_on_the_layer_of_its_insert(tmp_path, rows):
+    """Through blocks within blocks, too; what it holds on another layer stays there."""
+
+    def add(document, space):
+        block_of_box(document, "inner", "0")
+        block_of_box(document, "own", "OWN")
+        middle = document.blocks.new("middle")
+        middle.add_blockref("inner", (0, 0, 0), dxfattribs={"layer": "0"})
+        middle.add_blockref("inner", (0, 0, 50), dxfattribs={"layer": "DEEP"})
+        grid = {"row_count": rows, "row_spacing": 100}
+        space.add_blockref("inner", (0, 0, 0), dxfattribs={"layer": "STOPE", **grid})
+        space.add_blockref("middle", (20, 0, 0), dxfattribs={"layer": "STOPE"})
+        space.add_blockref("own", (40, 0, 0), dxfattribs={"layer": "STOPE"})
+        space.add_blockref("inner", (60, 0, 0))
+
+    path = drawing(tmp_path / "stope.dxf", add)
+    assert read_solid(path, "stope", layer="STOPE").volume == pytest.approx(64 * (rows + 1))
+    for layer, x in (("DEEP", 20), ("OWN", 40), ("0", 60)):
+        found = read_solid(path, "stope", layer=layer)
+        assert (found.volume, found.bounds[0][0]) == (pytest.approx(64), x)
+
+
+def test_an_outline_of_a_block_is_on_the_layer_of_its_insert(tmp_path):
+    def add(document, space):
+        document.blocks.new("ring").add_lwpolyline([(0, 0), (4, 0), (4, 4), (0, 4)], close=True)
+        space.add_blockref("ring", (0, 0), dxfattribs={"layer": "RING"})
+
+    path = drawing(tmp_path / "ring.dxf", add)
+    solid = solid_of({"file": str(path), "shape": "prism", "layer": "RING", "lower": 0.0, "upper": 2.0})
+    assert solid.volume == pytest.approx(32)
 
 
 def test_blocks_scaled_turned_mirrored_and_in_rows(tmp_path):

@@ -99,6 +99,31 @@ def test_a_working_directory_that_takes_no_files_is_one_line(tmp_path, folder):
     assert lines[0].startswith(f"{folder}: cannot be written (")
 
 
+@pytest.mark.parametrize("cache", [None, f"{READ_ONLY}/cache", "file"])
+def test_a_home_that_cannot_be_written_is_one_line_with_the_remedy(tmp_path, cache):
+    """Snakemake ended in a traceback. With another folder for its cache the run starts."""
+    (tmp_path / "file").write_text("")
+    given = {} if cache is None else {"XDG_CACHE_HOME": str(tmp_path / cache)}  # joined with an absolute path: that one
+    environment = {key: value for key, value in os.environ.items() if key != "XDG_CACHE_HOME"} | {"HOME": READ_ONLY}
+    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--cores", "1", "--dry-run"]
+    command += ["--workflow-profile", ROOT / "profiles/default"]
+    command += ["--configfile", write_mine(TINY, tmp_path / "mine.yaml")]
+
+    def run(**others):
+        return subprocess.run(
+            command, cwd=tmp_path, env=environment | others, capture_output=True, text=True, timeout=120, check=False
+        )
+
+    done = run(**given)
+    lines = [line for line in done.stderr.splitlines() if "Using workflow specific profile" not in line]
+    assert done.returncode != 0
+    assert len(lines) == 1, lines
+    assert "cannot be written (" in lines[0]
+    assert lines[0].endswith("name another folder in front of the command, XDG_CACHE_HOME=<folder>")
+    if cache is None:
+        assert run(XDG_CACHE_HOME=str(tmp_path / "cache")).returncode == 0
+
+
 @pytest.mark.parametrize("name", ["mines {2019}", "{mine}"])
 def test_a_working_directory_with_braces_is_one_line(tmp_path, name):
     """Snakemake reads them as a pattern when it looks for locks, and ended in a traceback of 40 lines."""
@@ -110,6 +135,20 @@ def test_a_working_directory_with_braces_is_one_line(tmp_path, name):
         f"{folder}: Snakemake takes braces in the name of a folder for a wildcard; start in another folder, or name "
         "one with --directory"
     ]
+
+
+@pytest.mark.parametrize("name", ["program {2019}", "{mine}", "it's {x} {{y}}"])
+def test_a_program_in_a_folder_with_braces_runs(tmp_path, name):
+    """Its path stands in the command of each job and in the rules' environment, where braces were names."""
+    program = tmp_path / name
+    program.symlink_to(ROOT)
+    (tmp_path / "run").mkdir()
+    command = [sys.executable, "-m", "snakemake", "--snakefile", program / "Snakefile", "--cores", "1"]
+    command += ["--workflow-profile", program / "profiles/default", "results/tiny/grid.nc"]
+    command += ["--configfile", write_mine(TINY, tmp_path / "mine.yaml")]
+    done = subprocess.run(command, cwd=tmp_path / "run", capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "run/results/tiny/grid.nc").exists()
 
 
 @pytest.mark.parametrize("note", [b"", b"\n", b"\xff\xfe/mine.yaml", b"/gone\0/mine.yaml", None])

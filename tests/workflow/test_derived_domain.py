@@ -303,6 +303,28 @@ def test_the_cells_of_a_derived_domain_leave_a_preset_its_level(accept, refuse):
     )
 
 
+@pytest.mark.parametrize("swapped", [["a"], ["b"], ["b", "c"]])
+def test_an_excavation_far_from_the_others_is_named_and_not_the_cells(refuse, swapped):
+    """Coordinates of a map whose x and y are exchanged in some solids; three of five lie in their place."""
+    place = np.array([512_345.0, 7_523_456.0, 20.0])
+    solids = []
+    for number, name in enumerate("abcde"):
+        lower = place + np.array([20.0 * number, 0, 0])
+        ends = np.array([lower, lower + 10.0])
+        ends = ends[:, [1, 0, 2]] if name in swapped else ends
+        solids.append(box(name, "history", *ends.tolist()))
+    line = refuse(free(TINY, excavations=solids, frame={"surface": "1000 m"}))
+    more = f"it and {len(swapped) - 1} more lie" if len(swapped) > 1 else "lies"
+    assert line.startswith(f"excavations.{swapped[0]}: {more} ")
+    assert "check coordinates, units, scale and offset of both; with x and y exchanged it would lie there" in line
+
+
+def test_one_excavation_too_large_for_its_cells_is_not_far_from_others(refuse):
+    large = [box("a", "history", [0, 0, 20], [99_000, 99_000, 30])]
+    line = refuse(free(TINY, excavations=large, frame={"surface": "1000 m"}))
+    assert line.startswith("grid.finest_cell: the largest cells")
+
+
 def test_a_rock_body_outside_a_derived_domain_is_left_out(accept):
     """Its place is the user's, the domain is not."""
     dyke = box("dyke", "history", [9000, 0, 0], [9100, 80, 80]) | {"material": "fill"}

@@ -17,7 +17,7 @@ rule truth_record:
     wildcard_constraints:
         record="|".join(records()),
     conda:
-        "../../workflow/envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=RESOURCES.trial_memory,
@@ -44,7 +44,7 @@ rule truth_case:
     log:
         "logs/calibration_truth/cases/{case}.log",
     conda:
-        "../../workflow/envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=2000,

@@ -21,7 +21,7 @@ rule answer:
     log:
         "logs/verification/{study}.log",
     conda:
-        "../../workflow/envs/environment.yaml"
+        ENVIRONMENT
     threads: STUDIES.answer_threads
     resources:
         mem_mb=4000,
@@ -44,7 +44,7 @@ rule summary:
     log:
         "logs/verification/table.log",
     conda:
-        "../../workflow/envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=1000,
@@ -66,7 +66,7 @@ rule case:
     wildcard_constraints:
         target="|".join(BY_RULE_CASE),
     conda:
-        "../../workflow/envs/environment.yaml"
+        ENVIRONMENT
     threads: CASES.threads
     resources:
         mem_mb=lambda wildcards: MEASURING[wildcards.target].memory,
@@ -95,7 +95,7 @@ for target in MEASURING:
         log:
             f"logs/{target}/table.log",
         conda:
-            "../../workflow/envs/environment.yaml"
+            ENVIRONMENT
         threads: 1
         resources:
             mem_mb=2000,
@@ -119,7 +119,7 @@ for target in ("verification", *MEASURING):
         log:
             f"logs/{target}/verdict.log",
         conda:
-            "../../workflow/envs/environment.yaml"
+            ENVIRONMENT
         threads: 1
         resources:
             mem_mb=1000,

@@ -22,7 +22,7 @@ rule flaws:
     log:
         f"{BASELINE_LOGS}/flaws.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=RESOURCES.baseline_memory,
@@ -47,7 +47,7 @@ rule excess_shear:
     log:
         f"{BASELINE_LOGS}/excess_shear.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=RESOURCES.baseline_memory,
@@ -67,7 +67,7 @@ if MINE.settings.baselines.since is not None:
         log:
             f"{BASELINE_LOGS}/record.log",
         conda:
-            "../envs/environment.yaml"
+            ENVIRONMENT
         threads: 1
         resources:
             mem_mb=2000,
@@ -100,7 +100,7 @@ rule baselines:
     log:
         f"{BASELINE_LOGS}/report.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=by_attempt(4000),

@@ -20,7 +20,7 @@ rule calibration_record:
         f"{OWN_LOGS}/{CALIBRATION}/record.log",
     localrule: True
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=2000,
@@ -45,7 +45,7 @@ rule trial:
         cells="doubled|own",
         trial=TRIALS.pattern,
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=RESOURCES.trial_memory,
@@ -73,7 +73,7 @@ checkpoint further:
         batch="[1-9][0-9]*",
     localrule: True
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=2000,
@@ -101,7 +101,7 @@ rule calibrate:
         f"{OWN_LOGS}/{CALIBRATION}/fit.log",
     localrule: True
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=2000,

@@ -16,7 +16,7 @@ if FILES.has_record:
         priority: 2
         localrule: True
         conda:
-            "../envs/environment.yaml"
+            ENVIRONMENT
         threads: RESOURCES.all_cores  # nothing begins beside it
         resources:
             mem_mb=2000,
@@ -35,7 +35,7 @@ rule events:
     log:
         f"{LOGS}/events.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 4
     resources:
         mem_mb=RESOURCES.reading_memory("events", at_once=4),  # a state in each process
@@ -60,7 +60,7 @@ rule catalogue:
     log:
         f"{LOGS}/catalogue.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=RESOURCES.reading_memory("events"),
@@ -79,7 +79,7 @@ rule twin:
         f"{OWN_LOGS}/twin.log",
     localrule: True
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=1000,

@@ -63,14 +63,22 @@ FILES = ResultFiles(FOLDERS)
 INPUTS = RuleInputs(FOLDERS)
 RESOURCES = RuleResources(FILES, workflow.resource_settings.cores)  # None on a cluster
 
+
+def literal(text):
+    """Text with braces doubled, which Snakemake would take for a name."""
+    return text.replace("{", "{{").replace("}", "}}")
+
+
+ENVIRONMENT = literal(str(PACKAGES / "workflow/envs/environment.yaml"))
+
 # Rules with `localrule` take seconds, less than a wait in a cluster's queue: they run where Snakemake runs.
 
 # `stage` runs a module of ours. It is a child of this process, not of a shell between them, and ends with it
 # (common.stage). What is in BEFORE begins its command line.
 # Python looks for packages at PYTHONPATH, not in the working directory: there may be another checkout.
 shell.prefix(
-    f"set -euo pipefail; export {PARENT}=$PPID PYTHONSAFEPATH=1 PYTHONPATH={shlex.quote(str(PACKAGES))}; "
-    f'stage() {{{{ exec ${{{{BEFORE:-}}}} {shlex.quote(sys.executable)} -m "$@"; }}}}; '
+    f"set -euo pipefail; export {PARENT}=$PPID PYTHONSAFEPATH=1 PYTHONPATH={literal(shlex.quote(str(PACKAGES)))}; "
+    f'stage() {{{{ exec ${{{{BEFORE:-}}}} {literal(shlex.quote(sys.executable))} -m "$@"; }}}}; '
 )
 RUN = "stage workflow {input.job:q} --output {output:q} --log {log:q} --threads"
 # Stages that solve equilibrium have numba's threads, others run their kernels on one.

@@ -22,7 +22,7 @@ if FILES.compared:
         priority: 1  # the longest of what the report waits for
         localrule: True
         conda:
-            "../envs/environment.yaml"
+            ENVIRONMENT
         threads: 1
         resources:
             mem_mb=by_attempt(4000),
@@ -51,7 +51,7 @@ rule report:
     log:
         f"{OWN_LOGS}/report.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 4  # More would wait for the longest section.
     resources:
         mem_mb=RESOURCES.reading_memory("report"),
@@ -75,7 +75,7 @@ rule report_page:
         f"{OWN_LOGS}/report_page.log",
     localrule: True
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=100,

@@ -10,7 +10,7 @@ rule grid:
     log:
         f"{LOGS}/grid.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: RESOURCES.threads
     resources:
         mem_mb=by_attempt(4000),  # of some million cells; how many there are is known when it is done
@@ -30,7 +30,7 @@ rule elastic:
     log:
         f"{LOGS}/elastic.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: RESOURCES.threads
     resources:
         mem_mb=RESOURCES.elastic_memory,
@@ -51,7 +51,7 @@ rule step:
         f"{LOGS}/steps/{{step}}.log",
     priority: 1  # before the companion
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: RESOURCES.threads
     resources:
         mem_mb=RESOURCES.step_memory,
@@ -77,7 +77,7 @@ rule companion:
     log:
         f"{LOGS}/{COARSE}.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=RESOURCES.companion_memory,

@@ -29,7 +29,7 @@ rule plan_outcome:
     wildcard_constraints:
         plan=MINING_PLANS.pattern,
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=by_attempt(2000),
@@ -54,7 +54,7 @@ rule plans:
     log:
         f"{PLAN_LOGS}/report.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=by_attempt(4000),

@@ -14,7 +14,7 @@ rule scene:
     log:
         f"{OWN_LOGS}/scene.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=by_attempt(4000),  # of some million cells
@@ -33,7 +33,7 @@ rule quote_of_mine:
     log:
         f"{OWN_LOGS}/quote.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: RESOURCES.all_cores
     resources:
         mem_mb=by_attempt(4000),
@@ -50,7 +50,7 @@ rule quote:
         f"{OWN_LOGS}/quote_printed.log",
     localrule: True
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=100,
@@ -77,7 +77,7 @@ rule vtk:
         mine=FOLDERS.pattern_with_coarse,
         stage="elastic|steps/.+",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=RESOURCES.reading_memory("vtk"),
@@ -103,7 +103,7 @@ rule vtk_events:
         mine=FOLDERS.pattern_with_coarse,
         catalog="catalog|record|events/.+",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=by_attempt(1000),
@@ -122,7 +122,7 @@ rule vtk_solids:
     log:
         f"{LOGS}/vtk/solids.log",
     conda:
-        "../envs/environment.yaml"
+        ENVIRONMENT
     threads: 1
     resources:
         mem_mb=by_attempt(2000),
