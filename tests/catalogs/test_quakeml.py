@@ -409,7 +409,7 @@ def test_frame_north_is_111_km_per_degree_and_goes_there_and_back():
     np.testing.assert_allclose(latitude[:2], [-41.8, -41.79], atol=1e-6)
     assert longitude[2] > 145.4
     np.testing.assert_array_equal(depth, [-950, 30, 0])
-    np.testing.assert_allclose(frame.to_mine(latitude, longitude, depth), location, atol=1e-6)
+    np.testing.assert_allclose(frame.to_map(latitude, longitude, depth), location, atol=1e-6)
 
 
 def test_frame_from_a_projected_system():
