@@ -25,7 +25,10 @@ METRES_PER_UNIT = {"m": 1.0, "ft": 0.3048, "us_ft": 1200 / 3937}
 DIRECTIONS = {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)}
 EAST_NORTH: tuple[str, ...] = ("east", "north")
 MIN_SCALE, MAX_SCALE = 0.99, 1.01  # A projection and the height of a mine change lengths by less than this.
-MAX_ROUND_OFF = 1e-9  # Degrees within which a fitted angle is taken for a multiple of 90 degrees.
+DECIMALS = 7  # Of places on the map, m: round-off of a turn must not decide on which side of a cell a wall lies.
+MAX_ROUND_OFF = (
+    1e-9  # Degrees within which a fitted angle is a multiple of 90 degrees; of a scale, within which it is 1.
+)
 
 Direction = Literal["east", "north", "west", "south"]
 Axes = Annotated[tuple[Direction, ...], Field(min_length=2, max_length=2), AsTuple]
@@ -150,13 +153,13 @@ class GridMap:
         return self.angle % 90.0 == 0.0
 
     def text(self) -> str:
-        """Axes, turn, scale and unit in words, as the end of a sentence on a grid."""
-        parts = [f"x {self.axes[0]}, y {self.axes[1]}"]
-        parts += ["mirrored"] if self.is_mirrored else []
-        parts += [f"its north {self.angle:.6g} degrees clockwise from the map's"] if self.angle else []
-        parts += [f"scale {self.scale:.6f}"] if self.scale != 1.0 else []
-        parts += [f"in {self.units}"] if self.units != "m" else []
-        return ", ".join(parts)
+        """Sentences on axes, turn, scale and unit of the grid."""
+        parts = [f"In the mine's own grid x runs {self.axes[0]} and y {self.axes[1]}."]
+        parts += ["It is mirrored."] if self.is_mirrored else []
+        parts += [f"Its north is {self.angle:.6g} degrees clockwise from the map's."] if self.angle else []
+        parts += [f"Distances on the map are {self.scale:.6f} of those in it."] if self.scale != 1.0 else []
+        parts += [f"Its unit is {self.units}."] if self.units != "m" else []
+        return " ".join(parts)
 
     @property
     def metres_per_unit(self) -> float:
@@ -164,12 +167,15 @@ class GridMap:
         return METRES_PER_UNIT[self.units]
 
     def to_map(self, points: ArrayLike) -> NDArray:
-        """Coordinates on the map (..., 2 or 3) m of points of the grid (..., 2 or 3) m, without or with elevations."""
+        """Coordinates on the map (..., 2 or 3) m, to DECIMALS, of points of the grid (..., 2 or 3) m, without or with
+        elevations."""
         points = np.asarray(points, float)
+        if self == SAME_AS_MAP:
+            return points
         count = points.shape[-1]
         scale = np.array([self.scale, self.scale, 1.0])[:count]
         turn = self.turn[:count, :count]
-        return scale * ((points - self.grid_origin[:count]) @ turn.T) + self.map_origin[:count]
+        return np.round(scale * ((points - self.grid_origin[:count]) @ turn.T) + self.map_origin[:count], DECIMALS)
 
     def to_grid(self, points: ArrayLike) -> NDArray:
         """Coordinates in the grid (..., 2 or 3) m of points on the map (..., 2 or 3) m."""
@@ -180,7 +186,7 @@ class GridMap:
 
     def elevation(self, z: float) -> float:
         """Elevation on the map, m, of one in the grid, m."""
-        return z - self.grid_origin[2] + self.map_origin[2]
+        return round(z - self.grid_origin[2] + self.map_origin[2], DECIMALS)
 
     def box(self, lower: NDArray, upper: NDArray) -> tuple[NDArray, NDArray]:
         """Corners on the map (3,) m of a box of the grid by its corners (3,) m; only if `keeps_boxes`."""
@@ -254,6 +260,7 @@ def _fitted(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> Fit:
     if abs(angle - 90.0 * round(angle / 90.0)) < MAX_ROUND_OFF:
         angle = 90.0 * round(angle / 90.0)
     scale = float(np.abs(similarity)) if grid.scale is None else grid.scale
+    scale = 1.0 if abs(scale - 1.0) < MAX_ROUND_OFF else scale
     grid_origin, map_origin = (_in_space(mean.tolist()) for mean in means)
     found = GridMap(axes, angle, scale, grid_origin, map_origin, grid.units)
     misses = found.to_map(own) - points

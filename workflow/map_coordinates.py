@@ -111,12 +111,11 @@ def _resolved(frame: Frame, axes: tuple[str, ...]) -> tuple[MineGrid, GridMap, s
             "units": grid.units,
         }
     )
-    missed = ""
+    text = grid.text()
     if found:
-        largest = found.residual.max(), found.elevation_residual.max()
-        missed = f"; its {len(points)} common points are missed by at most {largest[0]:.2g} m in plan"
-        missed += f" and {largest[1]:.2g} m in elevation" if points.shape[1] == 3 else ""
-    return resolved, grid, f"{grid.text()}{missed}"
+        text += f" It misses its {len(points)} common points by at most {found.residual.max():.3f} m in plan"
+        text += f" and {found.elevation_residual.max():.3f} m in elevation." if points.shape[1] == 3 else "."
+    return resolved, grid, text
 
 
 def _check_in_area(frame: Frame, points: np.ndarray) -> None:

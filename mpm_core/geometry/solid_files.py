@@ -61,8 +61,7 @@ class Picked:
             )
         if self.units and own_unit and not np.isclose(unit, own_unit, rtol=1e-9):
             logging.warning("the file says that its unit is %g m; read as %s", own_unit, self.units)
-        placed = vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64)
-        return placed if self.grid == SAME_AS_MAP else self.grid.to_map(placed)
+        return self.grid.to_map(vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64))
 
 
 def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys) -> Solid:

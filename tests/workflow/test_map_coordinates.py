@@ -3,7 +3,9 @@
 import copy
 import json
 import re
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import ezdxf
 import numpy as np
@@ -15,7 +17,10 @@ from scipy.spatial import cKDTree
 from tiny_mines import FLAT, ROOT, TINY, merged
 
 from catalogs.records import read_record
+from catalogs.records.csv_filters import check_codes
+from catalogs.records.settings import DomainBox
 from catalogs.sources.geographic_frame import MineFrame
+from common.errors import InputError
 from common.event_table import new_catalog
 from common.frame import Frame
 from common.voigt import tensor_from_voigt
@@ -27,6 +32,7 @@ from workflow.configuration import load
 from workflow.map_coordinates import on_map as places_on_map
 from workflow.mine import Mine
 from workflow.mine_settings import MineSettings
+from workflow.run_mine import run_mine
 
 ANGLE = np.radians(32.0)
 TURNED = np.array([[np.cos(ANGLE), -np.sin(ANGLE)], [np.sin(ANGLE), np.cos(ANGLE)]])
@@ -219,6 +225,8 @@ def differences(one, other, path="") -> list[str]:
 EAST, NORTH = 600_000.0, 7_100_000.0
 ON_UTM = Writer((-EAST, -NORTH, 0.0), {"crs": "EPSG:32735"})
 SWAP = np.array([[0.0, 1.0], [1.0, 0.0]])
+LO29_MINE = Writer((160_000.0, 2_921_000.0, 0.0), {"crs": "EPSG:2053"}, -np.eye(2))
+KROVAK_MINE = Writer((650_000.0, 1_050_000.0, 0.0), {"crs": "EPSG:5513"}, -SWAP)
 
 
 def grid(turn=TURNED, unit="ft", metres=FOOT, scale=1.0, **keys) -> Writer:
@@ -297,21 +305,15 @@ def solids(mine: Mine) -> list:
     return [one for group, entries in groups.items() for one in read_solids(entries, group, domain, may_miss=True)]
 
 
-@pytest.mark.parametrize(
-    ("crs", "axes", "reference", "place"),
-    [
-        ("EPSG:2053", -np.eye(2), LO29, (-160_000.0, -2_921_000.0)),
-        ("EPSG:5513", -SWAP, KROVAK, (-650_000.0, -1_050_000.0)),
-    ],
-)
+@pytest.mark.parametrize(("writer", "reference"), [(LO29_MINE, LO29), (KROVAK_MINE, KROVAK)], ids=("Lo29", "Krovak"))
 @pytest.mark.parametrize("boxes", [False, True])
-def test_a_system_whose_axes_run_west_and_south(crs, axes, reference, place, boxes, tmp_path):
+def test_a_system_whose_axes_run_west_and_south(writer, reference, boxes, tmp_path):
     """South African Lo29 and Krovak, which is mirrored, as files have them: the mine of a system with east and north,
     with its domain, conditions on its sides, and filter."""
-    origin = (-place[0], -place[1], 0.0)
+    crs = writer.frame["crs"]
     folders = [tmp_path / name for name in ("own", "other")]
-    writers = Writer(origin, {"crs": crs}, axes), Writer(origin, {"crs": reference})
-    mines = [mine_of(writer, folder, boxes) for writer, folder in zip(writers, folders, strict=True)]
+    writers = writer, replace(writer, frame={"crs": reference}, axes=np.eye(2))
+    mines = [mine_of(one, folder, boxes) for one, folder in zip(writers, folders, strict=True)]
     if boxes:
         sides = ("traction", "roller", "fixed", "free")  # to the west, east, south and north
         mines[1]["domain"]["boundary"] = dict(zip(("x_lower", "x_upper", "y_lower", "y_upper"), sides, strict=True))
@@ -324,7 +326,7 @@ def test_a_system_whose_axes_run_west_and_south(crs, axes, reference, place, box
     assert not other.grid_text
     # by PROJ alone, from the coordinates in the file
     location = read_record(own.record_slice())["location"].values
-    written = writers[0].numbers(location[:, :2] - place)
+    written = writer.numbers(location[:, :2] + writer.origin[:2])
     latitude, longitude = Transformer.from_crs(crs, "EPSG:4326").transform(*written.T)
     globe = MineFrame(own.settings.frame).to_globe(location)
     np.testing.assert_allclose(globe[:2], [latitude, longitude], atol=1e-7, rtol=0)
@@ -332,18 +334,61 @@ def test_a_system_whose_axes_run_west_and_south(crs, axes, reference, place, box
 
 def test_a_grid_upon_lo29_has_its_points_in_the_axes_of_lo29(tmp_path):
     """Map coordinates of common points are those of the system: west and south; the grid's own default is the same."""
-    place = (-160_000.0, -2_921_000.0)
-    base = Writer((-place[0], -place[1], 0.0), {"crs": "EPSG:2053"}, -np.eye(2))
     local = Writer((100.0, 50.0, 0.0), {}, -TURNED)  # x and y to the grid's west and south
     corners = [[0.0, 0.0], [500.0, 0.0], [0.0, 400.0]]
-    points = [{"grid": local.texts(corner), "map": base.texts(corner)} for corner in corners]
+    points = [{"grid": local.texts(corner), "map": LO29_MINE.texts(corner)} for corner in corners]
     own = replace(local, frame={"crs": "EPSG:2053", "grid": {"points": points}})
-    mines = [read(mine_of(writer, tmp_path / name), tmp_path / name) for name, writer in (("a", own), ("b", base))]
+    mines = [read(mine_of(writer, tmp_path / name), tmp_path / name) for name, writer in (("a", own), ("b", LO29_MINE))]
     check_same(*mines)
     grid = mines[0].settings.frame.grid
     assert grid.axes == ("west", "south")
     assert grid.angle == pytest.approx(32.0)
-    assert "3 common points are missed by at most" in mines[0].grid_text
+    assert "It misses its 3 common points by at most 0.000 m in plan." in mines[0].grid_text
+
+
+@pytest.mark.parametrize(
+    "writers",
+    [
+        (GRIDS["turned, in feet"], ON_UTM),
+        (GRIDS["turned and mirrored"], ON_UTM),
+        (LO29_MINE, replace(LO29_MINE, frame={"crs": LO29}, axes=np.eye(2))),
+        (KROVAK_MINE, replace(KROVAK_MINE, frame={"crs": KROVAK}, axes=np.eye(2))),
+    ],
+    ids=("turned", "mirrored", "Lo29", "Krovak"),
+)
+def test_the_same_events_in_any_grid(writers, tmp_path):
+    """A stope of a few hundred cells, in a grid and in map coordinates: places to 1 mm, potency and mechanisms to
+    round-off, latitude and longitude to 1e-7 degrees."""
+    catalogues = []
+    for name, writer in zip(("grid", "map"), writers, strict=True):
+        whole = mine_of(writer, tmp_path / name)
+        mine = {key: whole[key] for key in whole if key not in ("loads", "strains", "face", "rock_bodies", "domain")}
+        mine["excavations"] = [one for one in whole["excavations"] if one["name"] == "stope"]
+        mine["grid"] = {"finest_cell": "5 m", "buffer_cells": 1}
+        mine = read(mine, tmp_path / name)
+        catalogues.append(run_mine(mine, tmp_path / "failed.npz").catalog)
+    own, other = catalogues
+    assert own.sizes["event"] == other.sizes["event"] > 10
+    np.testing.assert_allclose(own["location"], other["location"], atol=1e-3, rtol=0)
+    np.testing.assert_allclose(own["potency"], other["potency"], rtol=1e-6)
+    largest = float(own["potency"].max())
+    np.testing.assert_allclose(own["potency_tensor"], other["potency_tensor"], atol=1e-6 * largest)
+    globes = [MineFrame(one.attrs["frame"]).to_globe(one["location"].values) for one in catalogues]
+    np.testing.assert_allclose(globes[0][:2], globes[1][:2], atol=1e-7, rtol=0)
+
+
+@pytest.mark.parametrize(("place", "asked"), [(-99.0, True), (-9999.0, False)])
+def test_a_code_of_missing_values_may_be_a_place_in_the_grid(place, asked):
+    """The domain is looked up in the grid: -99 lies in it there, and not on the map."""
+    grid = {"axes": ["west", "south"], "origin": {"grid": [0, 0, 0], "map": [0, 0, 0]}}
+    settings = SimpleNamespace(
+        domain=DomainBox.of({"lower": [50, 0, 0], "upper": [150, 80, 80]}),
+        frame=Frame.of({"surface": 0, "grid": grid}),
+        columns=SimpleNamespace(x="Y west"),
+        file="record.csv",
+    )
+    with pytest.raises(InputError, match="lies in this domain") if asked else nullcontext():
+        check_codes("x", np.array([place]), 1.0, settings)
 
 
 def test_without_a_grid_nothing_changes(tmp_path):
