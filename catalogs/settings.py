@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from catalogs.records.times import parse_time
 from common.errors import InputError
+from common.mine_grid import MineGrid
 from common.setting_types import AsTuple, Date, Length, Settings, choose, is_list, refusal, short, whole_number
 
 ALL_STEPS = "all"  # Name, in addition to those of the steps, of all dated steps together.
@@ -165,6 +166,10 @@ class ReportSlice(Settings):
     excavations: Annotated[tuple[Scheduled, ...], AsTuple] = None
     """when each is mined, if not as `config` says"""
     insitu: InsituStress = None
+    mine_grid: MineGrid = None
+    """grid of the mine's own coordinates, if it is not the map"""
+    grid_text: str = ""
+    """how that grid lies on the map, in words"""
 
 
 class GridConvergenceSettings(Settings):

@@ -32,7 +32,8 @@ class SymmetricTensor(Settings, Generic[Quantity]):
 
 
 class StressComponents(SymmetricTensor[Stress]):
-    """Components of the stress at frame.surface, tension positive. Components that are not given are zero."""
+    """Components of the stress at frame.surface along x, y and z of the mine file, tension positive. Components that
+    are not given are zero."""
 
 
 class GradientComponents(SymmetricTensor[Gradient]):
@@ -43,7 +44,7 @@ class PrincipalStress(Settings):
     """A principal stress and its axis. One of the three may leave its axis out: it is at right angles to the others."""
 
     trend: Annotated[float, Unit("deg", ge=-360, le=360)] = None
-    """Direction of the axis in plan, clockwise from north (y). A vertical axis needs none."""
+    """Direction of the axis in plan, clockwise from the map's north. A vertical axis needs none."""
     plunge: Annotated[float, Unit("deg", ge=-90, le=90)] = None
     """Angle of the axis below the horizontal, in the direction of its trend. 90 deg: the axis is vertical."""
     constant: Stress = None

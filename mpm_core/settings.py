@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, create_model, model_validator
 
+from common.mine_grid import MineGrid
 from common.setting_types import (
     AsTuple,
     Length,
@@ -66,6 +67,11 @@ class Boundary(Settings):
             if {face, face[0]} <= self.model_fields_set:
                 raise refusal(f"also given by '{face[0]}'; keep one of the two", face)
         return self
+
+    def by_face(self) -> dict[str, str]:
+        """Condition of each face."""
+        others = self.others or "fixed"
+        return {face: getattr(self, face) or getattr(self, face[0]) or others for face in FACES}
 
 
 class DomainSettings(Settings):
@@ -241,7 +247,7 @@ class FileSettings(Settings):
     element: str = None
     """OMF surface, OBJ object or group, or solid of a text STL. "*": all of them."""
     units: Literal["m", "cm", "mm", "km", "ft", "us_ft", "inch"] = None
-    """Unit of the file's coordinates, where the file does not state it."""
+    """Unit of the file's coordinates, where the file does not state it. Default: that of frame.grid, or m."""
     scale: real_number(ge=1e-6, le=1e6) = None
     """Scale factor: metres = coordinate x units x scale + offset."""
     offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
@@ -316,6 +322,17 @@ class BodySettings(SolidSettings):
     """Whether cells are small along the surface of the body."""
 
 
+class PlacedSolid(SolidSettings):
+    """A solid in the slice of a stage. Its shape is on the map; a file has the coordinates of the mine's grid."""
+
+    grid: MineGrid = None
+    """grid of the coordinates of its file, if that is not the map's"""
+
+
+class PlacedBody(PlacedSolid, BodySettings):
+    """A rock body in the slice of a stage."""
+
+
 class GridDomain(Settings):
     """The domain as the grid knows it."""
 
@@ -366,8 +383,8 @@ class GridSlice(Settings):
     thickness: Size
     domain: GridDomain
     grid: GridCells
-    excavations: Annotated[tuple[SolidSettings, ...], AsTuple]
-    rock_bodies: Annotated[tuple[BodySettings, ...], AsTuple]
+    excavations: Annotated[tuple[PlacedSolid, ...], AsTuple]
+    rock_bodies: Annotated[tuple[PlacedBody, ...], AsTuple]
     later: Annotated[tuple[int, ...], AsTuple] = ()
     """numbers of the excavations that have no fine cells yet"""
     mined: Annotated[tuple[int, ...], AsTuple] = ()

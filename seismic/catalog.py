@@ -11,6 +11,7 @@ import xarray as xr
 from common.datasets import atomic_path
 from common.errors import InputError
 from common.event_table import NAMES, ON_PLANES, event_dataset
+from common.frame import Frame, grid_of
 from common.voigt import COMPONENTS, voigt_from_tensor
 from seismic.budget import add_budgets
 
@@ -102,7 +103,8 @@ def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
 
     date, time_utc: to the second, which keeps the order of a step's events; time_lower_uncertainty_s and
     time_upper_uncertainty_s: back to the start and on to the end of the step, as the model dates no event within it,
-    in whole seconds from the time in the table; x_m, y_m, z_m east, north, up; location_uncertainty_m: the size of a
+    in whole seconds from the time in the table; x_m, y_m, z_m east, north, up, and in a mine with a grid of its own
+    grid_x, grid_y, grid_z with the grid's unit, as grid_x_ft; location_uncertainty_m: the size of a
     cell; log10_potency_m3; moment_n_m and mw, with the moduli of the rock that failed; potency_xx_m3 ... potency_xy_m3
     (tensor shear, opening positive); step; resolved (0: too few particles, counts in the budget only); on_planes, where
     rock has weak planes: share of the potency that is slip on them.
@@ -117,6 +119,11 @@ def write_csv(catalog: xr.Dataset, path: str | os.PathLike) -> None:
     }
     location = catalog["location"].values
     table |= {f"{axis}_m": _text(location[:, i], ".3f") for i, axis in enumerate("xyz")}
+    frame = Frame.of(json.loads(catalog.attrs.get("frame", '{"surface": 0}')), "frame")
+    if frame.grid:
+        grid = grid_of(frame)
+        own = grid.to_grid(location) / grid.metres_per_unit
+        table |= {f"grid_{axis}_{grid.units}": _text(own[:, i], ".3f") for i, axis in enumerate("xyz")}
     error = np.full(len(day), float(catalog.attrs["location_error"]))
     table |= {
         "location_uncertainty_m": _text(error, ".3g"),

@@ -97,4 +97,4 @@ def _solid(mine: Mine, entry: Excavation) -> Solid:
     if shape is not None:
         return solid_of(shape, mine.dimension, entry.name)
     with quiet():
-        return read_entry(entry.model_copy(update={"file": mine.path(entry.file).as_posix()}), mine.dimension, where)
+        return read_entry(mine.placed(entry), mine.dimension, where)

@@ -14,6 +14,7 @@ from workflow import BASE
 from workflow.accuracy import STANDARD
 from workflow.checks import check_mine
 from workflow.key_order import key_in, parts_of, section_of, sorted_by_place
+from workflow.map_coordinates import on_map
 from workflow.mine import Mine
 from workflow.mine_settings import AccuracyRequest, MineSettings
 from workflow.strict_yaml import read_yaml
@@ -76,9 +77,13 @@ def load(
     if settings and isinstance(request, AccuracyRequest):
         text, settings = text | {"accuracy": STANDARD}, settings.model_copy(update={"accuracy": STANDARD})
     if settings:
+        grid_text = ""
+        with mistakes.gather():
+            settings, grid_text = on_map(settings)
         broken = {section_of(line) for line in mistakes.lines}
         with mistakes.gather():
             mine = Mine(settings, text, mine_file.parent, default or {})
+            mine.grid_text = grid_text
             check_mine(mine, mistakes, broken)
     if mistakes.lines:
         lines = sorted_by_place(list(dict.fromkeys(mistakes.lines)), mine_file, overrides or {})

@@ -11,16 +11,16 @@ import numpy as np
 
 from common.errors import InputError
 from mpm_core.geometry.shapes.shape import Opening, Shape
+from mpm_core.geometry.solid_files import Picked, read_solid
 from mpm_core.grid.domain import base_cells
 from mpm_core.scene.far_field import MAX_LIMITED_BOUNDARY_ERROR, STRENGTH, FarField, bounds, derive_domain
 from mpm_core.scene.scene import FACES, PLANES
-from mpm_core.scene.scene_solids import exchanged_hint, prisms_of
+from mpm_core.scene.scene_solids import exchanged_hint, picked, prisms_of
 from mpm_core.settings import (
     DEFAULT_COARSE_CELL,
     DEFAULT_LEVELS,
     MAX_LEVELS,
     Boundary,
-    FileSettings,
     GridSettings,
     ShapeSettings,
     SolidSettings,
@@ -293,22 +293,14 @@ def _openings_of_file(mine: Mine, where: str, solid: SolidSettings) -> Iterator[
     else:
         path = mine.path(solid.file)
         stamp = os.stat(path)
-        yield _of_file(str(path), solid.name, _picked(solid), stamp.st_mtime_ns, stamp.st_size)
-
-
-def _picked(solid: SolidSettings) -> tuple:
-    """Given keys of a solid from a file, except `file` (layer, units, ...), with values: hashable, for a cache."""
-    keys = [key for key in FileSettings.model_fields if key in solid.model_fields_set and key != "file"]
-    return tuple((key, getattr(solid, key)) for key in keys)
+        yield _of_file(str(path), solid.name, picked(mine.placed(solid)), stamp.st_mtime_ns, stamp.st_size)
 
 
 @functools.cache
-def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Opening:
+def _of_file(path: str, name: str, chosen: Picked, stamp: int, size: int) -> Opening:
     """A solid from a file as it is at this time: box, sides along its own axes, volume. Its warnings are the grid's."""
-    from mpm_core.geometry.solid_files import Picked, read_solid
-
     with quiet():
-        solid = read_solid(path, name, Picked.of(dict(picked)))
+        solid = read_solid(path, name, chosen)
     lower, upper = solid.bounds
     points = solid.vertices[np.unique(solid.facets)] - solid.bounds.mean(axis=0)
     axes = np.linalg.eigh(np.cov(points.T))[1]
@@ -321,7 +313,7 @@ def _of_file(path: str, name: str, picked: tuple, stamp: int, size: int) -> Open
 def _prisms(mine: Mine, where: str, solid: SolidSettings) -> list[Shape]:
     """A prism for each outline of a drawing; holes in them count as mined."""
     with quiet():
-        return prisms_of(solid.model_copy(update={"file": mine.path(solid.file).as_posix()}), where)
+        return prisms_of(mine.placed(solid), where)
 
 
 class quiet:

@@ -83,6 +83,12 @@ insitu_stress:
 FORECASTS = """\
 forecasts: [forecasts/2019-11.nc]
 """
+TURNED_GRID = """\
+frame:  # how-to page mine-grids.md
+  crs: EPSG:32735
+  surface: 5600 ft
+  grid: {units: ft, angle: 32 deg, origin: {grid: [10000 ft, 20000 ft], map: [600000 m, 7100000 m]}}
+"""
 DEMO, ELK_CREEK, RENISON, YEAR = (
     f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale", "stoping_year")
 )
@@ -90,7 +96,7 @@ DEMO, ELK_CREEK, RENISON, YEAR = (
 TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Place, domain and cells": (
         ("frame", "domain", "grid", "accuracy"),
-        ((DEMO, "frame"), (DEMO, "grid"), (ELK_CREEK, "domain")),
+        ((DEMO, "frame"), TURNED_GRID, (DEMO, "grid"), (ELK_CREEK, "domain")),
     ),
     "Stress and rock": (
         ("insitu_stress", "materials", "rock_bodies"),

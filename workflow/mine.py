@@ -11,7 +11,7 @@ from operator import itemgetter
 from typing import Self
 
 from mpm_core.constitutive.laws import variability_of
-from mpm_core.settings import ShapeSettings, SolidSettings
+from mpm_core.settings import PlacedSolid, ShapeSettings, SolidSettings
 from workflow.face_positions import face_positions
 from workflow.mine_configuration import MineConfiguration
 from workflow.mine_settings import BoundaryStrain, Excavation, Load
@@ -50,13 +50,18 @@ class Mine(MineConfiguration):
         return self.settings.domain.model_dump(mode="json", include={"lower", "upper"})
 
     def _shape(self, solid: SolidSettings) -> dict:
-        """Name and shape of a solid, its file as a path from the working directory."""
-        made = shape_keys(solid)
+        """Name and shape of a solid, its file as a path from the working directory, and the grid of the file."""
+        made, grid = shape_keys(solid), self.settings.frame.grid
         if solid.outside:
             made["outside"] = True
         if "file" in made:
             made["file"] = self.path(made["file"]).as_posix()
+            made |= {"grid": grid.given()} if grid else {}
         return {"name": solid.name, **made}
+
+    def placed(self, solid: SolidSettings) -> PlacedSolid:
+        """A solid as slices have it: its file as a path from the working directory, and the grid of the file."""
+        return PlacedSolid.of(self._shape(solid))
 
     def expected(self) -> dict:
         """Distance and expected error of a derived domain."""
@@ -279,12 +284,14 @@ class Mine(MineConfiguration):
         return openings
 
     def report_slice(self) -> dict:
-        """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress."""
+        """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress, grid."""
+        grid = self.settings.frame.grid
         return {
             "config": self.text,
             "default": self.default,
             "excavations": self.schedule(),
             "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
+            **({"mine_grid": grid.given(), "grid_text": self.grid_text} if grid else {}),
         }
 
     def slice_of(self, result: str) -> dict:

@@ -48,6 +48,7 @@ class MineConfiguration:
     requested: str = field(init=False, default="")  # what followed from a request (accuracy), for the user
     record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
     made_schedule: "MadeSchedule | None" = field(init=False, default=None)  # what section `schedule` makes
+    grid_text: str = field(init=False, default="")  # how the grid of its file lies on the map; empty if it is the map
     _number: dict[str, int] = field(init=False)
 
     def __post_init__(self):
@@ -92,8 +93,7 @@ class MineConfiguration:
         given = self.settings.domain.boundary
         if given is None or isinstance(given, str):
             return dict.fromkeys(FACES, given or "fixed")
-        others = given.others or "fixed"
-        return {face: getattr(given, face) or getattr(given, face[0]) or others for face in FACES}
+        return given.by_face()
 
     @property
     def has_corners(self) -> bool:

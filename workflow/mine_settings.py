@@ -186,7 +186,8 @@ class Load(ShapeSettings):
         Annotated[tuple[ForcePart, ...], Field(min_length=3, max_length=3), AsTuple],
         Annotated[float, Unit("N", gt=0, le=1e20)],
     )
-    """Total force: its components, or with `toward` the sum of the magnitudes of its parts."""
+    """Total force: its components along x, y and z of the mine file, or with `toward` the sum of the magnitudes of its
+    parts."""
     toward: choose(
         lambda value: is_list(value) and len(value) > 0 and is_list(value[0]),
         Annotated[tuple[Point, ...], Field(min_length=2, max_length=2), AsTuple],

@@ -1,6 +1,7 @@
 """Checks of a record and of the frame before anything is read: columns, boxes, dates, places on the globe."""
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +10,9 @@ from common.errors import InputError, Mistakes
 from workflow.dates import read_date
 from workflow.mine import Mine
 from workflow.shapes import is_file
+
+if TYPE_CHECKING:
+    from catalogs.sources.geographic_frame import MineFrame
 
 FARTHEST_FROM_ORIGIN = 100e3  # m; no mine is as large, and no easting or northing of a map as small
 BEYOND_USE = 3.0  # degrees that a projected system may be used beyond its zone: half a zone of UTM
@@ -84,17 +88,23 @@ def check_frame(mine: Mine, _: Mistakes) -> None:
 
     system = MineFrame(frame)
     latitude, longitude = system.to_globe(np.array([[*corner, 0.0] for corner in corners]))[:2]
-    use = system.area_of_use
-    if use is None:
-        return
-    west, south, east, north = use
-    away = max(max(south - y, y - north, _outside(x, west, east)) for x, y in zip(longitude, latitude, strict=True))
-    if away > BEYOND_USE:
+    if system.area_of_use and degrees_outside(system, latitude, longitude).max() > BEYOND_USE:
+        west, south, east, north = system.area_of_use
         raise InputError(
             f"frame.crs: the domain lies at latitude {latitude[0]:.1f}, longitude {longitude[0]:.1f}, outside the area "
             f"of {frame.crs[:40]} (longitude {west:g} to {east:g}, latitude {south:g} to {north:g}); coordinates of "
-            "a mine grid need its own false origin, as PROJ text or WKT"
+            "a mine grid need its own false origin, as PROJ text or WKT, or frame.grid"
         )
+
+
+def degrees_outside(system: "MineFrame", latitude: np.ndarray, longitude: np.ndarray) -> np.ndarray:
+    """Degrees (point,) by which points lie outside the area of a system; 0 where it states none."""
+    if system.area_of_use is None:
+        return np.zeros(len(latitude))
+    west, south, east, north = system.area_of_use
+    return np.array(
+        [max(south - y, y - north, _outside(x, west, east)) for x, y in zip(longitude, latitude, strict=True)]
+    )
 
 
 def _outside(longitude: float, west: float, east: float) -> float:

@@ -47,11 +47,11 @@ class ColumnSettings(Settings):
     second: str = None
     """Column of the second; it may have decimals."""
     x: str = None
-    """Column of x, east, in mine coordinates (m)."""
+    """Column of x, east unless frame says otherwise, in mine coordinates (m, or frame.grid.units)."""
     y: str = None
-    """Column of y, north, in mine coordinates (m)."""
+    """Column of y, north unless frame says otherwise, in mine coordinates (m, or frame.grid.units)."""
     z: str = None
-    """Column of z, up, in mine coordinates (m)."""
+    """Column of z, up, in mine coordinates (m, or frame.grid.units)."""
     latitude: str = None
     """Column of the latitude, degrees (WGS 84)."""
     longitude: str = None

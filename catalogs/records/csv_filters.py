@@ -1,5 +1,6 @@
 """Numbers and words of a CSV file's columns that filters use, and numbers that stand for a missing value."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -8,6 +9,7 @@ from catalogs.records.csv_columns import MINE_COORDINATES
 from catalogs.records.csv_table import Table
 from catalogs.records.event_kinds import EVENT_TYPE, STATUS, flow_yaml, is_left_out, kept_words, plain_word
 from common.errors import InputError
+from common.frame import grid_of
 
 MISSING_VALUE_CODES = (-99.0, -999.0, -9999.0)  # unless record.missing names others
 OTHER_CODES = (-999.25, -9999.25, -32768.0, 32767.0)  # of well logs and of 16-bit numbers
@@ -92,7 +94,10 @@ def check_codes(key: str, codes: np.ndarray, factor: float, settings) -> None:
     axes = (domain.plane or "xyz") if domain else ""
     if axis not in MINE_COORDINATES or axis not in axes:
         return
-    low, high = (corner[axes.index(axis)] for corner in (domain.lower, domain.upper))
+    ends = np.array([domain.lower, domain.upper])
+    if settings.frame and settings.frame.grid and key != "depth":  # in 3-D: the box around the domain, in the grid
+        ends = grid_of(settings.frame).to_grid(np.array(list(itertools.product(*ends.T))))
+    low, high = ends.min(axis=0)[axes.index(axis)], ends.max(axis=0)[axes.index(axis)]
     place = up * factor * codes
     inside = (low <= place) & (place <= high)
     if inside.any():

@@ -38,6 +38,7 @@ from catalogs.records.filters import filter_events
 from catalogs.records.settings import EventFileSettings, EventFileSlice
 from catalogs.records.times import check_zone
 from common.errors import InputError
+from common.frame import grid_of
 from common.setting_types import AsTuple, Settings, real_number, refusal, short
 from common.source_tensors import potency_from_moment
 from common.voigt import COMPONENTS
@@ -169,13 +170,13 @@ class RecordSlice(Record, EventFileSlice):
 def read(settings: RecordSlice) -> xr.Dataset:
     """The events of a CSV file in the form of common.event_table, filtered (catalogs.records.filters).
 
-    settings.columns names the file's columns: time (one column, or a list of two or three: date, time of day,
-    offset; see catalogs.records.csv_times), x, y, z (m) or latitude, longitude (degrees), depth (m below sea level), at
-    least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type, and optionally
-    potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of tensor_frame,
-    time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.event_kinds). units: {kind of
-    column: unit}, where it is not the one above and not in the file; decimal, date_order, time_zone: what cannot be
-    found from the file; conversions: catalogs.records.build; missing: numbers that stand for a missing value,
+    settings.columns names the file's columns: time (one column, or a list of two or three: date, time of day, offset;
+    see catalogs.records.csv_times), x, y, z (of the mine's grid, in its unit) or latitude, longitude (degrees), depth
+    (m below sea level), at least one of potency (m3), log_potency, moment (N m), mw, or magnitude with magnitude_type,
+    and optionally potency_xx, _yy, _zz, _yz, _xz, _xy (m3, tensor shear) or moment_xx ... (N m) in the axes of
+    tensor_frame, time_uncertainty (s), step, event_type and evaluation_status (catalogs.records.event_kinds). units:
+    {kind of column: unit}, where it is not the one above and not in the file; decimal, date_order, time_zone: what
+    cannot be found from the file; conversions: catalogs.records.build; missing: numbers that stand for a missing value,
     else MISSING_VALUE_CODES. How the table is read: catalogs.records.csv_table.
 
     Events that are no seismicity or have no time, place or size are left out, and rows that are there twice. Raises
@@ -195,13 +196,14 @@ def read(settings: RecordSlice) -> xr.Dataset:
     bounded = {name for key in ("maximum", "minimum") for name in (getattr(limits, key, None) or {})}
     table.decide_decimals([*numeric, *bounded])
     codes = MISSING_VALUE_CODES if settings.missing is None else settings.missing
-    units = settings.units or {}
+    units, grid = settings.units or {}, grid_of(settings.frame)
     numbers: dict[str, np.ndarray] = {}
     for key, name in names.items():
         values = table.numbers(name)
         factor = 1.0
         if key in UNITS:
-            factor = unit_factor(str(path), key, name, UNITS[key], units.get(key), table.units.get(name))
+            usual = grid.metres_per_unit if key in MINE_COORDINATES else 1.0
+            factor = unit_factor(str(path), key, name, UNITS[key], units.get(key), table.units.get(name), usual)
         elif key in ("latitude", "longitude"):
             check_angle(str(path), key, name)
         missing = np.isin(values, codes)
@@ -255,9 +257,9 @@ def _check_logarithm(key: str, name: str, values: np.ndarray, settings: RecordSl
 
 
 def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: RecordSlice) -> np.ndarray:
-    """Mine coordinates (event, 3) m, NaN where one is missing. Raises InputError for degrees off the globe."""
+    """Map coordinates (event, 3) m, NaN where one is missing. Raises InputError for degrees off the globe."""
     if set(MINE_COORDINATES) <= set(columns):
-        return np.column_stack([numbers[key] for key in MINE_COORDINATES])
+        return grid_of(settings.frame).to_map(np.column_stack([numbers[key] for key in MINE_COORDINATES]))
     for key, most in (("latitude", 90.0), ("longitude", 180.0)):
         table.refuse(
             np.abs(numbers[key]) > most, columns[key], f"is no {key}, which ends at {most:g} degrees", "correct it"
@@ -267,7 +269,7 @@ def _locations(table: Table, columns: Mapping, numbers: Mapping, settings: Recor
 
     location = np.full(globe.shape, np.nan)
     known = np.isfinite(globe).all(axis=1)
-    location[known] = MineFrame(settings.frame).to_mine(*globe[known].T)
+    location[known] = MineFrame(settings.frame).to_map(*globe[known].T)
     return location
 
 

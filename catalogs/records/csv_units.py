@@ -37,11 +37,13 @@ def unit_quantity(text: str):
         return None
 
 
-def unit_factor(source: str, key: str, name: str, unit: str, given: str | None, below: str | None) -> float:
+def unit_factor(
+    source: str, key: str, name: str, unit: str, given: str | None, below: str | None, usual: float = 1.0
+) -> float:
     """Factor that converts the numbers of a column of kind `key` to `unit`.
 
     Its unit is `given` (record.units), or stands in brackets or after a stroke in its name ("Depth/km"), or in a line
-    `below` the header; where none does it is taken to be `unit`. Raises InputError, naming the file `source`, for units
+    `below` the header; where none does the factor is `usual`. Raises InputError, naming the file `source`, for units
     that contradict each other or are of another kind, and for a name that ends as another unit (depth_km).
     """
     found = {}
@@ -66,7 +68,7 @@ def unit_factor(source: str, key: str, name: str, unit: str, given: str | None, 
     end = None if key.startswith("log_") else _at_end(name, unit)  # the P of "log P" is no unit
     if end and "its name" not in factors:
         text, factor = end
-        if not first and factor != 1.0:
+        if not first and not _alike(factor, usual):
             remedy = "; if it is not, rename it" if _is_usual(text) else f", or {{{key}: {unit}}}"
             raise InputError(
                 f"{source}: column {name!r}: is it in {text}? Say it with record.units: {{{key}: {text}}}{remedy}"
@@ -78,7 +80,7 @@ def unit_factor(source: str, key: str, name: str, unit: str, given: str | None, 
             f"{source}: column {name!r} is in {found[other][0]} by {other}, and in {found[first][0]} by {first}; "
             "correct the one that is wrong"
         )
-    return factors[first] if first else 1.0
+    return factors[first] if first else usual
 
 
 def check_angle(source: str, key: str, name: str) -> None:

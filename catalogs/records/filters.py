@@ -87,7 +87,7 @@ def filter_events(
         and events.sizes["event"]
         and beyond.min() > MAX_WIDTHS_FROM_DOMAIN * _width(events["location"].values, *box)
     ):
-        raise InputError(_other_ground(events, box, source))
+        raise InputError(_other_ground(events, box, source, bool(settings.frame and settings.frame.grid)))
     kept = np.ones(events.sizes["event"], bool)
     if settings.period and settings.period.given():
         attributes["period"] = json.dumps(_periods(events["time"].values, settings, source))
@@ -246,8 +246,8 @@ def _width(location: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
     return float(edges[np.isfinite(edges)].max())
 
 
-def _other_ground(events: xr.Dataset, box: tuple[np.ndarray, np.ndarray], source: str) -> str:
-    """The line for a record of which no event lies in the domain."""
+def _other_ground(events: xr.Dataset, box: tuple[np.ndarray, np.ndarray], source: str, has_grid: bool) -> str:
+    """The line for a record of which no event lies in the domain; has_grid: whether files have a grid of their own."""
     location = events["location"].values
     ranges = [
         f"{axis} {low:.0f} to {high:.0f}"
@@ -256,7 +256,7 @@ def _other_ground(events: xr.Dataset, box: tuple[np.ndarray, np.ndarray], source
     model = [f"{axis} {low:.0f} to {high:.0f}" for axis, low, high in zip("xyz", *box, strict=True) if low > -np.inf]
     return (
         f"{source}: no event of {len(location)} lies in the model's domain ({', '.join(model)} m): they lie at "
-        f"{', '.join(ranges)} m; check record.columns, their units, and frame"
+        f"{', '.join(ranges)} m{' on the map, by frame.grid' * has_grid}; check record.columns, their units, and frame"
     )
 
 

@@ -207,7 +207,7 @@ def _foreign(
     location = np.full(globe.shape, np.nan)
     known = np.isfinite(globe).all(axis=1)
     if known.any():
-        location[known] = MineFrame(settings.frame).to_mine(*globe[known].T)
+        location[known] = MineFrame(settings.frame).to_map(*globe[known].T)
     tensor = np.array([moment_tensor(event) for event in events]).reshape(-1, 3, 3)
     tensor[~tensor.any(axis=(1, 2))] = np.nan  # never computed
     known = np.isfinite(tensor).all(axis=(1, 2))

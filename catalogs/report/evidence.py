@@ -19,6 +19,7 @@ from common.cell_sizes import CELLS_ACROSS_FILL
 from common.datasets import read_dataset
 from common.errors import InputError
 from common.event_table import UNDATED, check_events
+from common.mine_grid import GridMap
 
 CONVERGENCE_COLUMNS = ("increment", "generation", "iteration", "unbalanced_ratio", "max_ratio", "cells", "new_failures")
 CONVERGENCE_VARIABLES = tuple(f"convergence_{name}" for name in CONVERGENCE_COLUMNS)
@@ -84,7 +85,7 @@ class Evidence:
     STATE_VARIABLES of the last stage;
     catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores: the datasets of these names,
     None where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs; insitu: stress
-    before mining.
+    before mining; mine_grid, grid_text: grid of the mine's own coordinates, if it is not the map, and in words.
     """
 
     config: dict
@@ -104,6 +105,8 @@ class Evidence:
     files: dict[str, dict]
     logs: Path | None
     insitu: InsituStress | None
+    mine_grid: GridMap | None = None
+    grid_text: str = ""
 
     @property
     def steps(self) -> list[dict]:
@@ -196,6 +199,8 @@ def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | o
         files=files,
         logs=None if logs is None else Path(logs),
         insitu=settings.insitu,
+        mine_grid=settings.mine_grid.map() if settings.mine_grid else None,
+        grid_text=settings.grid_text,
     )
 
 

@@ -1,8 +1,9 @@
-"""The mine frame on the globe: x east, y north, z up above sea level, in metres <-> latitude, longitude, depth.
+"""The map on the globe: x east, y north, z up above sea level, in metres <-> latitude, longitude, depth.
 
 Two forms: {latitude, longitude, surface}: the origin of the frame, degrees WGS 84, axes of the local tangent plane
-(azimuthal equidistant: exact at the origin, 1 mm off at 20 km); or {crs: EPSG code, WKT or PROJ text, surface}.
-`surface` (elevation of the ground, m) turns z into a depth below ground elsewhere; it plays no part here.
+(azimuthal equidistant: exact at the origin, 1 mm off at 20 km); or {crs: EPSG code, WKT or PROJ text, surface}, whose
+axes may run in any direction: its westing is minus the easting here. `surface` (elevation of the ground, m) and `grid`
+(coordinates of the mine's files on this map) play no part here.
 """
 
 import json
@@ -15,19 +16,21 @@ from pyproj.exceptions import CRSError, ProjError
 
 from common.errors import InputError
 from common.frame import Frame
+from common.mine_grid import DIRECTIONS, EAST_NORTH
 
 GEOGRAPHIC = "EPSG:4326"
 
 
 class MineFrame:
-    """Transforms between mine coordinates (m) and latitude, longitude (degrees, WGS 84), depth below sea level (m)."""
+    """Transforms between map coordinates (x east, y north, z up, m) and latitude, longitude (degrees, WGS 84), depth
+    below sea level (m)."""
 
     def __init__(self, settings: Frame | Mapping | str | None):
         """settings: the mine's `frame`, as such, as a mapping or JSON. Raises InputError if absent or not a frame."""
         if isinstance(settings, Frame):
             settings = settings.given()
         settings = json.loads(settings) if isinstance(settings, str) else dict(settings or {})
-        given = {key for key, value in settings.items() if value is not None} - {"surface"}
+        given = {key for key, value in settings.items() if value is not None} - {"surface", "grid"}
         if given == {"crs"}:
             projection = _parse_crs(settings["crs"])
         elif given == {"latitude", "longitude"}:
@@ -41,19 +44,43 @@ class MineFrame:
             raise InputError("frame: give either latitude and longitude of its origin, or crs (EPSG code or WKT)")
         use = projection.area_of_use if "crs" in given else None
         self.area_of_use = use.bounds if use else None  # west, south, east, north in degrees, where the system says so
-        self._to_globe = Transformer.from_crs(projection, GEOGRAPHIC, always_xy=True)
-        self._to_mine = Transformer.from_crs(GEOGRAPHIC, projection, always_xy=True)
+        # (2, 2): a row for each coordinate of the system, in its order, in east and north
+        self._axes = np.array([DIRECTIONS[axis] for axis in _directions(projection)], float)
+        self._to_globe = Transformer.from_crs(projection, GEOGRAPHIC)
+        self._to_map = Transformer.from_crs(GEOGRAPHIC, projection)
 
     def to_globe(self, location: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Latitude, longitude (degrees) and depth (m below sea level, = -z) of mine coordinates (event, 3) m."""
+        """Latitude, longitude (degrees) and depth (m below sea level, = -z) of map coordinates (event, 3) m."""
         location = np.asarray(location, float)
-        longitude, latitude = _transformed(self._to_globe, location[:, 0], location[:, 1])
+        latitude, longitude = _transformed(self._to_globe, *(self._axes @ location[:, :2].T))
         return np.asarray(latitude), np.asarray(longitude), -location[:, 2]
 
-    def to_mine(self, latitude: NDArray, longitude: NDArray, depth: NDArray) -> NDArray:
-        """Mine coordinates (event, 3) m from degrees and metres below sea level."""
-        x, y = _transformed(self._to_mine, np.asarray(longitude, float), np.asarray(latitude, float))
-        return np.column_stack([x, y, -np.asarray(depth, float)])
+    def to_map(self, latitude: NDArray, longitude: NDArray, depth: NDArray) -> NDArray:
+        """Map coordinates (event, 3) m from degrees and metres below sea level."""
+        own = _transformed(self._to_map, np.asarray(latitude, float), np.asarray(longitude, float))
+        return np.column_stack([*(self._axes.T @ np.stack(own)), -np.asarray(depth, float)])
+
+
+def axes_of_crs(text: str) -> tuple[str, ...]:
+    """Directions of x and y in coordinates of a system, as files have them.
+
+    They are the system's own, in its order, where one of them is west or south. Of a system with east and north they
+    are these, whichever comes first: nearly all programs write x east and y north, whatever a system's order is.
+    Raises InputError for what is no projected system in metres, and for axes in no direction of the compass.
+    """
+    found = _directions(_parse_crs(text))
+    return EAST_NORTH if set(found) == set(EAST_NORTH) else found
+
+
+def _directions(projection: CRS) -> tuple[str, ...]:
+    """Directions of the first two axes of a system. Raises InputError for those in no direction of the compass."""
+    found = tuple(axis.direction for axis in projection.axis_info[:2])
+    if len({direction in ("east", "west") for direction in found if direction in DIRECTIONS}) < 2:
+        raise InputError(
+            f"frame.crs: {projection.name}: its axes run {' and '.join(found)}, not along a map; give a system with "
+            "axes east or west and north or south"
+        )
+    return found
 
 
 def _transformed(transformer: Transformer, first: NDArray, second: NDArray) -> tuple[NDArray, NDArray]:
@@ -74,11 +101,4 @@ def _parse_crs(text: str | int) -> CRS:
     units = {axis.unit_name for axis in projection.axis_info[:2]}
     if not projection.is_projected or units != {"metre"}:
         raise InputError(f"frame.crs: {projection.name}: expected a projected system in metres, not {', '.join(units)}")
-    directions = [axis.direction for axis in projection.axis_info[:2]]
-    if {*directions} != {"east", "north"}:  # in either order: always_xy puts the easting first
-        raise InputError(
-            f"frame.crs: {projection.name}: its axes run {' and '.join(directions)}, and here x runs east and y north; "
-            "transform all coordinates to a system whose axes run east and north, and give that one (EPSG code, or "
-            "PROJ text without +axis)"
-        )
     return projection

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
+from common.mine_grid import METRES_PER_UNIT as GRID_UNITS
+from common.mine_grid import SAME_AS_MAP, GridMap
 from mpm_core.geometry.meshes import (
     Mesh,
     choose,
@@ -27,7 +29,7 @@ from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_vo
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid, unique_rows
 
-METRES_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "ft": 0.3048, "us_ft": 1200 / 3937, "inch": 0.0254}
+METRES_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, **GRID_UNITS, "inch": 0.0254}
 # Shares of the volume that depend on how an open surface is closed. Above the first there is a warning, above the
 # second the file is refused.
 OPEN_SHARE_WARNED, MAX_OPEN_SHARE_ACCEPTED = 0.05, 0.3
@@ -37,36 +39,41 @@ MAX_VERTEX_COORDINATE = 1e8  # No mine has larger coordinates (m), and float64 r
 
 @dataclass(frozen=True)
 class Picked:
-    """The part of a file that is meant, and its place: metres = coordinate x unit x scale + offset."""
+    """The part of a file that is meant, and its place: metres = coordinate x unit x scale + offset, which `grid` has on
+    the map."""
 
     layer: str | None = None
     """of a DXF drawing"""
     element: str | None = None
     """surface of an OMF project, object or group of an OBJ file, solid of a text STL file"""
     units: str | None = None
-    """one of METRES_PER_UNIT; None: what a DXF says of itself, else metres"""
+    """one of METRES_PER_UNIT; None: what a DXF says of itself, else that of the grid"""
     scale: float = 1.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     """m"""
+    grid: GridMap = SAME_AS_MAP
+    """grid of the coordinates, by default that of the map"""
 
     @classmethod
-    def of(cls, entry: dict) -> "Picked":
-        """The choice that the keys of an excavation or rock body make."""
-        return cls(**{key: entry[key] for key in cls.__dataclass_fields__ if key in entry})
+    def of(cls, entry: dict, grid: GridMap | None = None) -> "Picked":
+        """The choice that the keys of an excavation or rock body make; grid: of its coordinates, if not the map's."""
+        given = {key: entry[key] for key in cls.__dataclass_fields__ if key in entry and key != "grid"}
+        offset = {"offset": tuple(given["offset"])} if "offset" in given else {}  # as a hashable value
+        return cls(**given | offset, grid=grid or SAME_AS_MAP)
 
     def place(self, vertices: np.ndarray, own_unit: float | None = None) -> np.ndarray:
-        """Vertices (v, 3) of a file, in m; own_unit: metres of the unit that the file names, if it does, or NaN.
+        """Vertices (v, 3) of a file on the map, m; own_unit: metres of the unit that the file names, if any, or NaN.
 
         Raises InputError for a unit that is not known.
         """
-        unit = METRES_PER_UNIT[self.units] if self.units else own_unit or 1.0
+        unit = METRES_PER_UNIT[self.units] if self.units else own_unit or self.grid.metres_per_unit
         if np.isnan(unit):
             raise InputError(
                 f"is drawn in a unit that no mine is drawn in: say `units`, one of {', '.join(METRES_PER_UNIT)}"
             )
         if self.units and own_unit and not np.isclose(unit, own_unit, rtol=1e-9):
             logging.warning("the file says that its unit is %g m; read as %s", own_unit, self.units)
-        return vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64)
+        return self.grid.to_map(vertices * (unit * self.scale) + np.asarray(self.offset, dtype=np.float64))
 
 
 def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys) -> Solid:
@@ -104,7 +111,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         raise InputError(f"{path}: {name}: coordinates up to {np.abs(vertices).max():.3g} m are no mine's: see `units`")
     if single is not None and len(single):
         _check_precision(path, name, picked, single)
-    vertices, facets = _tidy(vertices, facets)
+    vertices, facets = _tidy(vertices, facets[:, ::-1] if picked.grid.is_mirrored else facets)
     if len(facets) == 0:
         raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
     try:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from common.errors import InputError
 from common.voigt import tensor_from_voigt
 from mpm_core.constitutive.laws import Materials, can_fail, law_of
-from mpm_core.settings import FACES, MaterialSettings, ShapeSettings, SolidSettings, SolverSettings
+from mpm_core.settings import FACES, MaterialSettings, PlacedSolid, ShapeSettings, SolverSettings
 
 PLANES = {"xz": (0, 2), "xy": (0, 1), None: (0, 1, 2)}  # axes of the computation in the mine's frame
 
@@ -101,7 +101,7 @@ class Refinement:
 
     rings: int
     max_cells: int
-    bodies: tuple[SolidSettings, ...]
+    bodies: tuple[PlacedSolid, ...]
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ def _excavation(entry: dict) -> Excavation:
 def _refinement(entry: dict | None) -> Refinement | None:
     if entry is None:
         return None
-    bodies = tuple(SolidSettings.of(body, "rock_bodies") for body in entry["bodies"])
+    bodies = tuple(PlacedSolid.of(body, "rock_bodies") for body in entry["bodies"])
     return Refinement(entry["rings"], entry["max_cells"], bodies)
 
 

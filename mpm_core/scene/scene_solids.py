@@ -13,7 +13,7 @@ from mpm_core.geometry.shapes.prism import DrawnPrism
 from mpm_core.geometry.solid_files import Picked, read_outlines, read_solid
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.domain import Domain
-from mpm_core.settings import SolidSettings
+from mpm_core.settings import PlacedSolid
 
 MAX_SHARE_LEFT_AWAY = (
     0.01  # Of the distance of a solid from where it belongs: with less left, a change of axes is right.
@@ -21,7 +21,7 @@ MAX_SHARE_LEFT_AWAY = (
 
 
 def read_solids(
-    entries: Sequence[SolidSettings], section: str, domain: Domain, may_miss: bool = False
+    entries: Sequence[PlacedSolid], section: str, domain: Domain, may_miss: bool = False
 ) -> list[Solid | Outside]:
     """Solids of a section of the configuration ("excavations"), in order; `outside`: what they leave of the domain.
 
@@ -31,7 +31,7 @@ def read_solids(
     """
     dimension = len(domain.lower)
     solids: list[Solid | Outside] = []
-    for entry in (SolidSettings.of(one, section) for one in entries):
+    for entry in (PlacedSolid.of(one, section) for one in entries):
         where = f"{section}.{entry.name}"
         try:
             solid = read_entry(entry, dimension, where)
@@ -44,7 +44,7 @@ def read_solids(
     return solids
 
 
-def read_entry(entry: SolidSettings, dimension: int, where: str) -> Solid:
+def read_entry(entry: PlacedSolid, dimension: int, where: str) -> Solid:
     """The solid of an entry. Raises InputError."""
     if not entry.file:
         return solid_of(shape_of(entry.given(), dimension, where), dimension, entry.name)
@@ -52,14 +52,19 @@ def read_entry(entry: SolidSettings, dimension: int, where: str) -> Solid:
         raise InputError(f"{where}.file: a plane strain scene needs a shape in its plane, not a solid")
     if entry.shape:
         return _joined([solid_of(prism, dimension, entry.name) for prism in prisms_of(entry, where)])
-    return read_solid(entry.file, entry.name, Picked.of(entry.given()))
+    return read_solid(entry.file, entry.name, picked(entry))
 
 
-def prisms_of(entry: SolidSettings, where: str) -> list[Shape]:
+def picked(entry: PlacedSolid) -> Picked:
+    """The part of an entry's file that is meant, and its place."""
+    return Picked.of(entry.given(), entry.grid.map() if entry.grid else None)
+
+
+def prisms_of(entry: PlacedSolid, where: str) -> list[Shape]:
     """The prism of each outline of an entry's drawing. Raises InputError."""
     given = entry.given()
     drawn = DrawnPrism.of({key: given[key] for key in DrawnPrism.model_fields if key in given}, where)
-    outlines = read_outlines(entry.file, entry.name, Picked.of(given), entry.height)
+    outlines = read_outlines(entry.file, entry.name, picked(entry), entry.height)
     return [checked(drawn.prism(outline), 3, where) for outline in outlines]
 
 

@@ -17,7 +17,9 @@ from catalogs.figures import events_figure, style, views
 from catalogs.report.evidence import Evidence
 from catalogs.report.page import SCRIPTS, content_security_policy
 from catalogs.report.sections import view
+from catalogs.report.sections.balls import ball_rows
 from catalogs.report.sections.view import CellSet, enclosed_volume, section
+from common.mine_grid import GridMap
 from common.part_centers import part_centers
 
 MODELLED, RECORDED = "Modelled", "Recorded (twin)"
@@ -204,6 +206,23 @@ def test_events_have_the_numbers_of_the_catalogues(data, evidence):
     modelled, recorded = (unpacked(one["step"]) for one in data["catalogues"])
     assert list(names[modelled]) == list(evidence.resolved["step"].values)
     assert list(names[recorded]) == list(evidence.record["time"].values.astype("datetime64[M]").astype(str))
+
+
+def test_places_in_the_mines_own_grid(evidence, data):
+    """As view.js computes them from the places of events, and as the table of the largest events gives them."""
+    grid = GridMap(("north", "east"), 32.0, 0.9996, (100.0, 200.0, 0.0), (7.0, 8.0, 9.0), "ft")
+    assert "grid" not in data
+    shown = {MODELLED: evidence.resolved}
+    found = json.loads(json.dumps(view.view_data(replace(evidence, mine_grid=grid), shown)))
+    place = unpacked(found["catalogues"][0]["position"]).reshape(-1, 3)
+    own = found["grid"]["centre"] + place @ np.array(found["grid"]["rows"]).T
+    location = np.array(found["centre"]) + place
+    np.testing.assert_allclose(own, grid.to_grid(location) / 0.3048, atol=1e-6, rtol=0)
+    assert found["grid"]["units"] == "ft"
+    rows = ball_rows(evidence.resolved, grid)
+    expected = grid.to_grid(evidence.resolved["location"].values) / 0.3048
+    numbers = [[float(text.replace("−", "-")) for text in row["in_grid"].split(", ")] for row in rows]
+    np.testing.assert_allclose(numbers, expected, atol=0.5001)
 
 
 def test_colours_and_diameters_are_those_of_the_figures(data, evidence):

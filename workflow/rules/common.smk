@@ -50,6 +50,7 @@ try:
     if workflow.is_main_process:
         told = [MINE.requested] if MINE.requested else []
         told += MINE.made_schedule.notes if MINE.made_schedule else []
+        told += [f"frame.grid: {MINE.grid_text}"] if MINE.grid_text else []
         for note in [*told, *(notes(MINE) if workflow.overwrite_configfiles else [])]:
             print(f"{MINE.name}: {note}", file=sys.stderr)
 except InputError as error:

@@ -131,7 +131,10 @@
 
   function reading(side, event, data) {
     const { position, log_potency, mw, step, time } = side.events;
-    const place = [0, 1, 2].map((axis) => fixed(position[3 * event + axis] + data.centre[axis], 1));
+    const from = [0, 1, 2].map((axis) => position[3 * event + axis]);
+    const place = from.map((part, axis) => fixed(part + data.centre[axis], 1));
+    const grid = data.grid && data.grid.rows.map(
+      (row, axis) => fixed(data.grid.centre[axis] + row[0] * from[0] + row[1] * from[1] + row[2] * from[2], 1));
     const moment = Number.isNaN(time[event])
       ? "time not known"
       : new Date(1000 * time[event]).toISOString().slice(0, 16).replace("T", " ") + " UTC";
@@ -142,6 +145,7 @@
       `log P ${fixed(log_potency[event], 2)}`,
       `Mw ${fixed(mw[event], 2)}`,
       `x ${place[0]} m, y ${place[1]} m, z ${place[2]} m`,
+      ...(grid ? [`in the mine's grid ${grid.join(", ")} ${data.grid.units}`] : []),
     ].join("; ");
   }
 

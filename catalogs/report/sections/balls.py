@@ -10,6 +10,7 @@ from catalogs.figures import beachballs, style
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import DASH, fixed, whole
+from common.mine_grid import GridMap
 
 LARGEST_EVENTS_DRAWN = 10  # Number of beach balls.
 
@@ -23,7 +24,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
     if not len(largest):
         return None
     chosen = evidence.resolved.isel(event=largest)
-    rows = ball_rows(chosen)
+    rows = ball_rows(chosen, evidence.mine_grid)
     titles = [
         f"{row['rank']}: log P {row['log_potency']}, Mw {row['mw']}\n{row['location']} m\n{row['step']}" for row in rows
     ]
@@ -43,9 +44,10 @@ def largest_events(catalog: xr.Dataset, count: int) -> np.ndarray:
     return order[known[order]]
 
 
-def ball_rows(events: xr.Dataset) -> list[dict]:
-    """One row of text per event, in the given order."""
+def ball_rows(events: xr.Dataset, grid: GridMap | None = None) -> list[dict]:
+    """One row of text per event, in the given order; in_grid: its place in the mine's own grid, if there is one."""
     rows = []
+    own = grid.to_grid(events["location"].values) / grid.metres_per_unit if grid else None
     for index in range(events.sizes["event"]):
         event = events.isel(event=index)
         rows.append(
@@ -54,6 +56,7 @@ def ball_rows(events: xr.Dataset) -> list[dict]:
                 "date": str(event["time"].values.astype("datetime64[D]")).replace("NaT", DASH),
                 "step": str(event["step"].values),
                 "location": ", ".join(fixed(value, 0) for value in event["location"].values),
+                "in_grid": "" if own is None else ", ".join(fixed(value, 0) for value in own[index]),
                 "log_potency": fixed(float(np.log10(event["potency"].values)), 2),
                 "mw": fixed(float(event["mw"].values), 2),
                 "particles": whole(event["particles"].values),

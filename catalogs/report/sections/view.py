@@ -21,6 +21,7 @@ from catalogs.report.text import fixed, plural, whole
 from catalogs.sources.openings import NOTHING
 from catalogs.sources.sizes import log_potency
 from common.event_table import new_catalog
+from common.mine_grid import GridMap
 from common.part_centers import part_centers
 
 MAX_CELLS = 200_000  # Of more cells, openings or failed rock are drawn on cells of twice the size.
@@ -180,6 +181,18 @@ def view_data(evidence: Evidence, catalogues: Mapping[str, xr.Dataset]) -> dict:
         "openings": _packed_surfaces([one for one in openings if one[0]["step"] != PLANNED], centre),
         "rock": _packed_surfaces(rock, centre),
         "catalogues": [_packed_events(evidence, label, one, centre) for label, one in catalogues.items()],
+        **({"grid": _in_grid(evidence.mine_grid, centre)} if evidence.mine_grid else {}),
+    }
+
+
+def _in_grid(grid: GridMap, centre: NDArray) -> dict:
+    """The mine's own grid: unit, place of `centre` there, and rows that turn a distance from it, m, into the grid."""
+    zero = grid.to_grid(centre)
+    rows = (grid.to_grid(centre + np.eye(3)) - zero).T
+    return {
+        "units": grid.units,
+        "centre": (zero / grid.metres_per_unit).tolist(),
+        "rows": (rows / grid.metres_per_unit).tolist(),
     }
 
 

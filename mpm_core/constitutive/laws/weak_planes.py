@@ -57,7 +57,7 @@ class Planes(Settings):
     dip: Annotated[float, Unit("deg", ge=0, le=90)]
     """Dip of the planes, measured from horizontal."""
     dip_direction: Annotated[float, Unit("deg", ge=0, le=360)]
-    """Direction in which the planes dip most steeply, clockwise from north (y)."""
+    """Direction in which the planes dip most steeply, clockwise from the map's north."""
     friction_angle: AnglePair
     """Friction angle of intact and of failed planes."""
     dilation_angle: AnglePair

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from common.mine_grid import GridMap
 from common.setting_types import AsTuple, Length, Size, is_list, refusal
 from mpm_core.geometry.outlines import Outline, box_around
 from mpm_core.geometry.shapes.shape import Shape, ShapeError, check_above, check_outline, closed_line
@@ -55,6 +56,10 @@ class Prism(Shape):
             if len(getattr(self, key)) != len(self.polygon):
                 raise ShapeError(f"expected {len(self.polygon)} elevations, one per polygon point", key)
         check_above(keys[1], *(np.array(getattr(self, key)) for key in keys))
+
+    def placed(self, grid: GridMap) -> dict[str, Any]:
+        """Its outline and elevations."""
+        return {"polygon": grid.to_map(self.polygon).tolist()} | _elevations(self, grid)
 
     def _levels(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper elevation (point,) m."""
@@ -149,6 +154,10 @@ class DrawnPrism(Shape):
         if self.height is None:
             check_above("upper", np.array(self.lower), np.array(self.upper))
 
+    def placed(self, grid: GridMap) -> dict[str, Any]:
+        """Its elevations and its height."""
+        return self.given() | _elevations(self, grid)
+
     def prism(self, outline: Outline) -> PrismWithHoles:
         """The prism of an outline and its holes."""
         holes = tuple(Prism.of(self._ring(hole)) for hole in outline.holes)
@@ -159,6 +168,15 @@ class DrawnPrism(Shape):
             return {"polygon": line[:, :2].tolist(), "lower": self.lower, "upper": self.upper}
         level = line[:, 2]
         return {"polygon": line[:, :2].tolist(), "base": level.tolist(), "top": (level + self.height).tolist()}
+
+
+def _elevations(shape: Shape, grid: GridMap) -> dict[str, Any]:
+    """Elevations on the map, m, of a prism in a mine's grid, by their keys."""
+    given = {key: value for key, value in shape.given().items() if key in ("lower", "upper", "base", "top")}
+    return {
+        key: [grid.elevation(one) for one in value] if is_list(value) else grid.elevation(value)
+        for key, value in given.items()
+    }
 
 
 def _turn(ring: np.ndarray) -> int:

@@ -1,14 +1,15 @@
 """The base of all shapes: keys as settings, their checks, the extent, and the surface.
 
-All lengths are in m, in the mine's frame; `dimension` is 3, or 2 in plane strain.
+All lengths are in m, on the map; `dimension` is 3, or 2 in plane strain.
 """
 
 from collections.abc import Iterator
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from common.errors import InputError
+from common.mine_grid import GridMap
 from common.setting_types import Settings, is_list
 from mpm_core.geometry.outlines import check_simple
 
@@ -41,6 +42,8 @@ class Shape(Settings):
 
     POINT_KEYS: ClassVar[tuple[str, ...]] = ()
     """Keys that hold a point, or several, with as many coordinates as the scene has."""
+    PLAN_SIZES: ClassVar[tuple[str, ...]] = ()
+    """Keys that hold a size in plan, which the scale of a mine's grid changes."""
 
     def check(self, dimension: int) -> None:
         """Raise ShapeError for what the types of the keys cannot refuse."""
@@ -49,6 +52,11 @@ class Shape(Settings):
             for point in value if is_list(value[0]) else (value,):
                 if len(point) != dimension:
                     raise ShapeError(f"{len(point)} coordinates; this scene has {dimension}", key)
+
+    def placed(self, grid: GridMap) -> dict[str, Any]:
+        """Keys of this shape, with `shape` where it becomes another one, on the map: its own are in a mine's grid."""
+        points = {key: grid.to_map(getattr(self, key)).tolist() for key in self.POINT_KEYS}
+        return self.given() | points | {key: grid.scale * getattr(self, key) for key in self.PLAN_SIZES}
 
     def extent(self, dimension: int) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper corner (dimension,) m of a box around the shape, which may be larger than it."""

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
+from common.mine_grid import GridMap
 from common.setting_types import AsTuple, Point, Size, is_list, refusal
 from mpm_core.geometry.outlines import box_around
 from mpm_core.geometry.shapes.shape import Shape, ShapeError, around, check_above, check_outline, closed_line
@@ -40,6 +41,16 @@ class Box(Shape):
         super().check(dimension)
         check_above("upper", *self.extent(dimension))
 
+    def placed(self, grid: GridMap) -> dict[str, Any]:
+        """Its corners; the keys of a prism in a grid that is turned by no multiple of 90 degrees."""
+        (x, y, lower), (x_far, y_far, upper) = self.extent(3)
+        if grid.keeps_boxes:
+            corners = grid.box(*self.extent(3))
+            return dict(zip(self.POINT_KEYS, (corner.tolist() for corner in corners), strict=True))
+        outline = [[x, y], [x_far, y], [x_far, y_far], [x, y_far]]
+        heights = {"lower": grid.elevation(float(lower)), "upper": grid.elevation(float(upper))}
+        return {"shape": "prism", "polygon": grid.to_map(outline).tolist()} | heights
+
     def extent(self, dimension: int) -> tuple[np.ndarray, np.ndarray]:
         """Its corners."""
         return np.array(self.lower, float), np.array(self.upper, float)
@@ -59,6 +70,7 @@ class Circle(Shape):
     """A circle."""
 
     POINT_KEYS = ("center",)
+    PLAN_SIZES = ("radius",)
 
     center: Point
     """the centre"""
@@ -91,6 +103,7 @@ class Cylinder(Shape):
     """A cylinder by the centres of its ends."""
 
     POINT_KEYS = ("start", "end")
+    PLAN_SIZES = ("radius",)
 
     start: Point
     """the centre of one end"""
@@ -129,6 +142,7 @@ class Sphere(Shape):
     """A ball."""
 
     POINT_KEYS = ("center",)
+    PLAN_SIZES = ("radius",)
 
     center: Point
     """the centre"""

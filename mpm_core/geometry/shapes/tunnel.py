@@ -30,6 +30,7 @@ class Tunnel(Shape):
     """A tunnel by the middle of its floor."""
 
     POINT_KEYS = ("path",)
+    PLAN_SIZES = ("width",)
 
     path: Annotated[tuple[Point, ...], Field(min_length=2), AsTuple]
     """points along the middle of its floor"""
