@@ -75,7 +75,7 @@ def test_a_mine_that_asks_for_its_cells_is_run_on_them_and_on_smaller_ones(monke
     by_error, by_time = STUDY.measure(f"{foreseen.REQUESTS}-raise", {}, 1)
     assert (by_error["asked"], by_time["asked"]) == ("error 10 %", "time 1 min")
     assert ran == pytest.approx([2.0, 2.0 / study.FINER, 2.0])
-    assert by_error["potency_error"] == pytest.approx(0.5)
+    assert by_error["potency_error"] == pytest.approx(2.0 / 3.0)  # 1 on the cells, 2 on half of them, 3 in the limit
     assert by_time["took_over_asked"] == pytest.approx(study.REPORT_SECONDS / 60.0, rel=0.2)
 
 

@@ -40,7 +40,7 @@ HELD = "held"  # Name of the table of shares of quotes within these.
 REQUESTED = "requested"  # Name of the table of requests.
 ASKED = ({"error": "10 %"}, {"time": "1 min"})
 JUDGED, SHIPPED = "#0072b2", "#d55e00"  # Colours of mines whose error is found, and of those whose error is stated.
-FINER = 3.0  # Cells of the run that gives the truth for a request for an error are smaller by this factor.
+FINER = 2.0  # Cells of the second run of a request for an error are smaller by this factor.
 COLUMNS = (
     *("mine", "finest_cell_m", "pilot_cell_m", "quote_s", "foreseen_s", "took_s", "foreseen_over_took"),
     *("foreseen_cells", "cells", "foreseen_MB", "memory_MB", "stated_error", "potency_error", "volume_error"),
@@ -83,7 +83,8 @@ def measure_requests(variant: str) -> list[dict]:
             row["took_over_asked"] = took / (60.0 * request.time)
         if request.error is not None:
             grid = sized.text["grid"] | {"finest_cell": f"{sized.finest_cell / FINER:.15g} m"}
-            _, *truth = run(load(sized.text | {"grid": grid}, FOLDER / f"{REQUESTS}.yaml", sized.default))
+            _, *finer = run(load(sized.text | {"grid": grid}, FOLDER / f"{REQUESTS}.yaml", sized.default))
+            truth = np.add(finer, np.subtract(finer, answer) / (FINER - 1.0))  # errors of the first order in the cells
             row["potency_error"], row["volume_error"] = np.abs(np.divide(answer, truth) - 1.0).tolist()
         rows.append(row)
     return rows
