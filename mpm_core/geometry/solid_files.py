@@ -1,6 +1,6 @@
 """Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF.
 
-trimesh, ezdxf and omf are imported where a file is read: that takes long, and most stages read none.
+trimesh and ezdxf are imported where a file is read: that takes long, and most stages read none.
 """
 
 import logging
@@ -16,13 +16,12 @@ from mpm_core.geometry.meshes import (
     choose,
     join,
     obj_names,
-    omf_names,
     read_obj,
-    read_omf,
     read_ply,
     read_stl,
     stl_names,
 )
+from mpm_core.geometry.omf_files import omf_names, read_omf
 from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid, unique_rows
@@ -44,7 +43,7 @@ class Picked:
     element: str | None = None
     """surface of an OMF project, object or group of an OBJ file, solid of a text STL file"""
     units: str | None = None
-    """one of METRES_PER_UNIT; None: what a DXF says of itself, else metres"""
+    """one of METRES_PER_UNIT; None: what a DXF or OMF file states, else metres"""
     scale: float = 1.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     """m"""
@@ -84,7 +83,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         ".obj": lambda: (read_obj(path, picked.element), None),
         ".ply": lambda: (read_ply(path), None),
         ".dxf": lambda: _read_dxf(path, picked.layer),
-        ".omf": lambda: (read_omf(path, picked.element), None),
+        ".omf": lambda: read_omf(path, picked.element),
     }
     ending = path.suffix.lower()
     if ending not in readers:
