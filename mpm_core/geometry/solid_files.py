@@ -102,7 +102,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     if np.abs(vertices).max(initial=0.0) > MAX_VERTEX_COORDINATE:
         raise InputError(f"{path}: {name}: coordinates up to {np.abs(vertices).max():.3g} m are no mine's: see `units`")
     if single is not None and len(single):
-        _check_precision(path, name, picked, single)
+        _check_precision(path, name, picked, single, own_unit)
     vertices, facets = _tidy(vertices, facets)
     if len(facets) == 0:
         raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
@@ -194,10 +194,11 @@ def read_outlines(path: str | Path, name: str, picked: Picked, height: float | N
     return outlines
 
 
-def _check_precision(path: Path, name: str, picked: Picked, vertices: np.ndarray) -> None:
+def _check_precision(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_unit: float | None) -> None:
     """Warn of a file whose coordinates (v, 3) float32, in its own unit, lie on steps that a survey would see."""
     largest = np.abs(vertices).max()
-    step = float(np.spacing(largest)) * METRES_PER_UNIT[picked.units or "m"] * picked.scale
+    unit = METRES_PER_UNIT[picked.units] if picked.units else own_unit or 1.0
+    step = float(np.spacing(largest)) * unit * picked.scale
     if step > MAX_COORDINATE_STEP_UNTOLD:
         logging.warning(
             "%s: %s: the file holds its coordinates in single precision, in steps of %.2g m at %.9g: walls may lie "
