@@ -1,4 +1,4 @@
-"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF.
+"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF, GOCAD.
 
 trimesh and ezdxf are imported where a file is read: that takes long, and most stages read none.
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from common.errors import InputError
+from mpm_core.geometry.gocad import gocad_names, read_gocad
 from mpm_core.geometry.meshes import (
     Mesh,
     choose,
@@ -41,9 +42,9 @@ class Picked:
     layer: str | None = None
     """of a DXF drawing"""
     element: str | None = None
-    """surface of an OMF project, object or group of an OBJ file, solid of a text STL file"""
+    """surface of an OMF project or a GOCAD file, object or group of an OBJ file, solid of a text STL file"""
     units: str | None = None
-    """one of METRES_PER_UNIT; None: what a DXF or OMF file states, else metres"""
+    """one of METRES_PER_UNIT; None: what a DXF, OMF or GOCAD file states, else metres"""
     scale: float = 1.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     """m"""
@@ -71,9 +72,10 @@ class Picked:
 def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys) -> Solid:
     """Read the solid `name` from a file; the file's ending says which format it is. `keys` are those of Picked.
 
-    `layer` and `element` are needed only if a DXF or OMF file has several; "*" stands for any text in them. Vertices at
-    exactly the same place become one; triangles without area or said twice are dropped, those that look the wrong way
-    are turned (orientation.py). A warning names a file whose single precision (float32) leaves coarse coordinates.
+    `layer` and `element` are needed only if a DXF, OMF or GOCAD file has several; "*" stands for any text in them.
+    Vertices at exactly the same place become one; triangles without area or said twice are dropped, those that look the
+    wrong way are turned (orientation.py). A warning names a file whose single precision (float32) leaves coarse
+    coordinates.
 
     Raises InputError naming the file if it is missing, unreadable, of another format, or bounds no volume.
     """
@@ -84,13 +86,14 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         ".ply": lambda: (read_ply(path), None),
         ".dxf": lambda: _read_dxf(path, picked.layer),
         ".omf": lambda: read_omf(path, picked.element),
+        ".ts": lambda: read_gocad(path, picked.element),
     }
     ending = path.suffix.lower()
     if ending not in readers:
         raise InputError(f"{path}: {name}: not one of the formats {', '.join(readers)}: export it as one of these")
     if (picked.element and ending in (".dxf", ".ply")) or (picked.layer and ending != ".dxf"):
         raise InputError(
-            f"{path}: {name}: `element` is for OMF, OBJ and STL files, `layer` for DXF: remove it or convert the file"
+            f"{path}: {name}: `element` is for OMF, GOCAD, OBJ and STL files, `layer` for DXF: remove it or convert it"
         )
     (vertices, facets), own_unit = _read(path, name, readers[ending])
     if len(facets) and (np.min(facets) < 0 or np.max(facets) >= len(vertices)):
@@ -140,12 +143,12 @@ class Body:
 
 
 def bodies_in(path: Path) -> list[Body]:
-    """Bodies of a file in their order: layers of a DXF drawing that hold faces, surfaces of an OMF project, objects of
-    an OBJ file (groups where it has none), solids of a text STL file.
+    """Bodies of a file in their order: layers of a DXF drawing that hold faces, surfaces of an OMF project or a GOCAD
+    file, objects of an OBJ file (groups where it has none), solids of a text STL file.
 
     Raises InputError naming the file if it is missing, unreadable or of another format.
     """
-    of_elements = {".obj": obj_names, ".omf": omf_names, ".stl": stl_names, ".ply": lambda path: []}
+    of_elements = {".obj": obj_names, ".omf": omf_names, ".ts": gocad_names, ".stl": stl_names, ".ply": lambda path: []}
     ending = path.suffix.lower()
     if ending == ".dxf":
         layers = _read(path, "", lambda: _layers(path))

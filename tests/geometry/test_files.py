@@ -183,7 +183,7 @@ def test_repeated_and_flat_triangles_are_dropped_and_opposite_ones_kept(tmp_path
     assert len(read_solid(path, "stope").facets) == 13
 
 
-@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "dxf", "omf"])
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "dxf", "omf", "ts"])
 @pytest.mark.parametrize("content", [b"", b"\n", b"not a solid at all\n", bytes(range(256)) * 8])
 def test_empty_or_unreadable_file_is_refused_by_name(tmp_path, ending, content):
     path = tmp_path / f"stope_1.{ending}"
