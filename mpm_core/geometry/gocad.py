@@ -39,7 +39,9 @@ class Surface:
     def place(self, identifier: str) -> int:
         """Row of the vertex of an identifier. Raises InputError for one that is not there."""
         if identifier not in self.places:
-            raise InputError(f"object {self.name!r} has a triangle or atom of vertex {identifier}, which it lacks")
+            raise InputError(
+                f"object {self.name!r} has a triangle or atom of vertex {identifier}, which it lacks: export it again"
+            )
         return self.places[identifier]
 
 

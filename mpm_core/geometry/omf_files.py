@@ -72,7 +72,7 @@ def _project_1(content: bytes) -> Project:
     if not content.startswith(MAGIC_1) or len(content) < HEADER_1.size:
         raise InputError("is no OMF project: export it again")
     _, version, identifier, json_start = HEADER_1.unpack_from(content)
-    text = version.rstrip(b"\0").decode("ascii", errors="replace")
+    text = version.partition(b"\0")[0].decode("ascii", errors="replace")
     if text != VERSION_1:
         raise InputError(f"is of version {text!r} of OMF, which is not read here: export it as {VERSION_1}")
     if not HEADER_1.size <= json_start < len(content):

@@ -161,7 +161,7 @@ WHOLE = tsurf("stope", BOX.vertices, BOX.facets, SYSTEM.format(unit="m m m", pos
         (WHOLE[:-4], "is cut off"),
         (WHOLE[: len(WHOLE) // 2], "is cut off"),
         (WHOLE[:-4] + WHOLE, "is cut off"),
-        (WHOLE.replace("TRGL 1", "TRGL 99"), "vertex 99, which it lacks"),
+        (WHOLE.replace("TRGL 1", "TRGL 99"), "vertex 99, which it lacks: export it again"),
         (WHOLE.replace("Elevation", "Sideways"), "ZPOSITIVE Sideways, neither Depth nor Elevation"),
         (WHOLE.replace("m m m", "m m ft"), r"states several units \(m, ft\): export it in one"),
         (WHOLE.replace("VRTX 2 0", "VRTX 2 east"), "unreadable as TS"),

@@ -564,6 +564,15 @@ def write_omf(path: Path, names: list[str]) -> None:
     omf.OMFWriter(project, str(path))
 
 
+def write_gocad(path: Path, names: list[str]) -> None:
+    lines = []
+    for number, name in enumerate(names):
+        lines += ["GOCAD TSurf 1", "HEADER {", f"name:{name}", "}", "TFACE"]
+        lines += ["VRTX {} {} {} {}".format(place, *vertex) for place, vertex in enumerate(solid(number).vertices)]
+        lines += [*("TRGL {} {} {}".format(*facet) for facet in solid(number).facets), "END"]
+    path.write_text("\n".join(lines) + "\n")
+
+
 def write_obj(path: Path, names: list[str], key: str = "o") -> None:
     lines, before = [], 1
     for number, name in enumerate(names):
@@ -589,6 +598,7 @@ def write_stl(path: Path, names: list[str]) -> None:
     ("file", "write"),
     [
         ("s.omf", write_omf),
+        ("s.ts", write_gocad),
         ("s.obj", write_obj),
         ("g.obj", lambda path, names: write_obj(path, names, "g")),
         ("s.stl", write_stl),
