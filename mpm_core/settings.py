@@ -240,12 +240,12 @@ class FileSettings(Settings):
     """A solid, or the outlines of prisms, in a file."""
 
     file: str
-    """File of the solid: STL, OBJ, PLY, DXF or OMF, relative to the mine file. With shape `prism`: a DXF layer with
-    outlines."""
+    """File of the solid: STL, OBJ, PLY, DXF, OMF or GOCAD (`.ts`), relative to the mine file. With shape `prism`: a DXF
+    layer with outlines."""
     layer: str = None
     """Layer of a DXF drawing. "*": all layers."""
     element: str = None
-    """OMF surface, OBJ object or group, or solid of a text STL. "*": all of them."""
+    """OMF or GOCAD surface, OBJ object or group, or solid of a text STL. "*": all of them."""
     units: Literal["m", "cm", "mm", "km", "ft", "us_ft", "inch"] = None
     """Unit of the file's coordinates, where the file does not state it. Default: that of frame.grid, or m."""
     scale: real_number(ge=1e-6, le=1e6) = None

@@ -47,7 +47,7 @@ examples.
 FROM_FILES = """\
 excavations:
   - {name: stope, step: history, file: stopes.dxf, layer: S1, units: ft, scale: 1, offset: [0 m, 0 m, 0 m]}
-  - {name: other, step: history, file: model.omf, element: stope_2}           # or a body of an OBJ or text STL file
+  - {name: other, step: history, file: model.omf, element: stope_2}         # or a body of a GOCAD, OBJ or text STL file
   - {name: third, step: history, shape: prism, file: outline.dxf, layer: S1, height: 20 m}   # or lower and upper
 """
 SPECIMENS = """\

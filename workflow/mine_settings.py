@@ -112,14 +112,15 @@ class ScheduledSolids(FileSettings):
     """Files of solids whose bodies the table names."""
 
     file: str
-    """DXF, OMF, OBJ, STL or PLY file, relative to the mine file. `*` in its name stands for any text. The bodies are
-    the layers of a DXF, the surfaces of an OMF, the objects of an OBJ (groups where it has none), the solids of a text
-    STL. The table may call the only body of a file by the file's name without its ending."""
+    """DXF, OMF, GOCAD (`.ts`), OBJ, STL or PLY file, relative to the mine file. `*` in its name stands for any text.
+    The bodies are the layers of a DXF, the surfaces of an OMF or GOCAD file, the objects of an OBJ (groups where it has
+    none), the solids of a text STL. The table may call the only body of a file by the file's name without its
+    ending."""
     layer: str = None
     """Layers of a DXF drawing that are bodies. `*` stands for any text. Default: all layers with faces. A layer that is
     off or frozen is a body only if the table names it."""
     element: str = None
-    """Bodies of an OMF, OBJ or text STL file. `*` stands for any text. Default: all."""
+    """Bodies of an OMF, GOCAD, OBJ or text STL file. `*` stands for any text. Default: all."""
 
 
 class ScheduleColumns(Settings):

@@ -1,8 +1,5 @@
 """The rows of a schedule, from a CSV or an Excel file. Each mistake is a line with its row and body."""
 
-import csv
-import io
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,13 +8,13 @@ from typing import TypeAlias
 import numpy as np
 import pandas as pd
 
-from catalogs.records.csv_table import Table, read_table, table_of
+from catalogs.records.csv_table import Table, read_table
+from catalogs.records.excel_sheets import is_workbook
 from catalogs.records.times import parse_times
 from common.errors import InputError, Mistakes
 from workflow.mine_settings import Schedule, ScheduleColumns
 from workflow.schedule_periods import DAY
 
-EXCEL = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 HISTORY, PLANNED, OPEN = "history", "planned", "none"
 WORDS = (HISTORY, PLANNED)  # in place of a date
 DATED = ("start", "end", "filled")  # keys of the columns that hold dates
@@ -82,39 +79,11 @@ def read_rows(schedule: Schedule, path: Path, mistakes: Mistakes) -> list[Row]:
 def _table(schedule: Schedule, path: Path, named: Mapping[str, str]) -> Table:
     """The table with the columns that are needed, by the key that names each. Raises InputError."""
     try:
-        if path.suffix.lower() in EXCEL:
-            return table_of(_sheet(path, schedule.sheet), True, path, named)
-        if schedule.sheet is not None:
+        if schedule.sheet is not None and not is_workbook(path):
             raise InputError(f"{path}: a CSV file has no sheets; leave schedule.sheet out")
-        return read_table(path, named, (), has_keys=False)
+        return read_table(path, named, (), has_keys=False, sheet=schedule.sheet)
     except InputError as error:
         raise InputError(f"schedule.file: {error}") from error
-
-
-def _sheet(path: Path, sheet: str | None) -> str:
-    """A sheet of an Excel file as the text of a CSV file. Raises InputError."""
-    try:
-        cells = pd.read_excel(
-            path, sheet_name=sheet or 0, header=None, dtype=object, na_filter=False, engine="calamine"
-        )
-    except ImportError as error:
-        raise InputError(
-            f"{path}: Excel files need the package python-calamine, which is not installed; install it, or save the "
-            "sheet as CSV"
-        ) from error
-    except Exception as error:  # the parser raises whatever it stumbles over
-        raise InputError(f"{path}: not readable ({' '.join(str(error).split())[:200]}); save it as CSV") from error
-    text = io.StringIO()
-    csv.writer(text).writerows([_cell(value) for value in row] for row in cells.itertuples(index=False))
-    logging.info("%s: %d rows of sheet %s", path, len(cells), sheet or "1")
-    return text.getvalue()
-
-
-def _cell(value: object) -> str:
-    """A cell of a sheet as the text that a CSV file has, in one line."""
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)
-    return " ".join(str(value).split())
 
 
 def _times(

@@ -34,6 +34,7 @@ from catalogs.records.csv_table import Table, read_table
 from catalogs.records.csv_times import read_times
 from catalogs.records.csv_units import check_angle, unit_factor, unit_quantity
 from catalogs.records.event_kinds import EVENT_TYPE, STATUS
+from catalogs.records.excel_sheets import is_workbook
 from catalogs.records.filters import filter_events
 from catalogs.records.settings import EventFileSettings, EventFileSlice
 from catalogs.records.times import check_zone
@@ -65,12 +66,14 @@ class EnergyConversion(Settings):
 
 
 class Record(EventFileSettings):
-    """A record in a CSV file."""
+    """A record in a CSV file, or in a sheet of an Excel file."""
 
     reader: Literal["csv"]
     """Format of the record."""
     columns: ColumnSettings
     """Names of the columns of the file."""
+    sheet: str = None
+    """Sheet of an Excel file. Default: the first."""
     tensor_frame: Literal["ENU", "NED", "USE"] = None
     """Directions of x, y and z of the tensor columns: east north up (ENU), north east down (NED), or up south east
     (USE). Default: ENU."""
@@ -99,6 +102,11 @@ class Record(EventFileSettings):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         self._check_columns()
+        if self.sheet is not None and not is_workbook(Path(self.file)):
+            raise refusal("a CSV file has no sheets; leave it out", "sheet")
+        for key in ("decimal", "encoding"):
+            if getattr(self, key) is not None and is_workbook(Path(self.file)):
+                raise refusal("an Excel file needs none; leave it out", key)
         for kind, unit in (self.units or {}).items():
             if kind not in UNITS or kind not in self.columns.model_fields_set:
                 raise refusal(f"not a named column with a unit; such are {', '.join(UNITS)}", "units", kind)
@@ -190,7 +198,7 @@ def read(settings: RecordSlice) -> xr.Dataset:
     named |= dict.fromkeys(times, "record.columns.time")
     named = filter_columns(settings) | named
     numeric = [*names.values(), *(times if settings.time_format else [])]
-    table = read_table(path, named, numeric, settings.decimal, settings.encoding)
+    table = read_table(path, named, numeric, settings.decimal, settings.encoding, sheet=settings.sheet)
     check_unnamed_kinds(table, named, settings)
     limits = settings.filter
     bounded = {name for key in ("maximum", "minimum") for name in (getattr(limits, key, None) or {})}

@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 
 from catalogs.records.csv_units import unit_quantity
+from catalogs.records.excel_sheets import is_workbook, sheet_text
 from catalogs.records.settings import normalized
 from common.errors import InputError
 
@@ -155,13 +156,18 @@ def read_table(
     decimal: str | None = None,
     encoding: str | None = None,
     has_keys: bool = True,
+    sheet: str | None = None,
 ) -> Table:
     """The table of a CSV file that has the columns `named` (by the key that names each); `numeric` hold numbers.
+
+    sheet: of a workbook, which is read as a CSV file with decimal points is; None: the first.
 
     Lines that begin with # are comments, but for a header (FDSN's text has one). A header without a row is a record
     without an event. has_keys: whether the user can answer questions with keys of `record`. Raises InputError, one
     line: not readable, not text, in an encoding that is not known where that counts, columns missing or there twice.
     """
+    if is_workbook(path):
+        return table_of(sheet_text(path, sheet), True, path, named, numeric, "point", has_keys)
     text, sure = _decoded(path, encoding, has_keys)
     return table_of(text, sure, path, named, numeric, decimal, has_keys)
 

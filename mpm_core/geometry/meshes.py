@@ -1,4 +1,4 @@
-"""Triangles of STL, OBJ, PLY and OMF files, in the units they are written in, and the choice among a file's bodies.
+"""Triangles of STL, OBJ and PLY files, in the units they are written in, and the choice among a file's bodies.
 
 A file may hold several bodies: layers of a drawing, elements of a project, objects of a mesh. They are chosen by name.
 """
@@ -14,10 +14,13 @@ from typing import TypeVar
 import numpy as np
 
 from common.errors import InputError
+from common.quantities import factor
 
 ALL_NAMES = "*"  # As element or layer it stands for all of them, which are one solid together.
 UNNAMED = "unnamed"  # Name of the faces of an OBJ file that are in no object or group.
 MAX_NAMES_SHOWN = 20
+NO_UNIT = ("", "none", "unknown")  # in lower case: texts of files in place of a unit
+UNIT_WORD = re.compile(r"[A-Za-z_]{1,30}")
 STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 NO_STL = "neither text with vertices nor binary with triangles: export it again"
 STL_HEADER = 84  # bytes: 80 of text, then the number of triangles
@@ -67,6 +70,16 @@ def shown(names: Iterable[str]) -> str:
     names = list(names)
     more = f" and {len(names) - MAX_NAMES_SHOWN} more" if len(names) > MAX_NAMES_SHOWN else ""
     return ", ".join(names[:MAX_NAMES_SHOWN]) + more
+
+
+def stated_unit(text: str) -> float | None:
+    """Metres of the unit that a file states; None for no unit, NaN for a word that is no unit of length."""
+    if text.strip().lower() in NO_UNIT:
+        return None
+    try:
+        return factor(text.strip().lower(), "m") if UNIT_WORD.fullmatch(text.strip()) else np.nan
+    except ValueError:
+        return np.nan
 
 
 def join(meshes: list[Mesh]) -> Mesh:
@@ -207,41 +220,3 @@ def read_ply(path: Path) -> Mesh:
     with np.errstate(over="ignore"):
         single = vertices.astype(np.float32)
     return single if (single == vertices).all() else vertices, np.asarray(mesh.faces, dtype=np.int64)
-
-
-def read_omf(path: Path, element: str | None = None) -> Mesh:
-    """Triangulated surfaces of an OMF 1 project, each moved by its own origin and the project's."""
-    surfaces, others = _parsed_omf(path)
-    if others and (not surfaces or element in others):
-        names = ", ".join(others)
-        raise InputError(f"{names}: no triangulated surface (points, lines, blocks or a height field): export one")
-    return join(choose(surfaces, element, "element"))
-
-
-def omf_names(path: Path) -> list[str]:
-    """Names of the triangulated surfaces of an OMF project, a repeated one as often as it is there."""
-    surfaces, _ = _parsed_omf(path)
-    return [name for name, meshes in surfaces.items() for _ in meshes]
-
-
-@parsed_once(8)
-def _parsed_omf(path: Path) -> tuple[dict[str, list[Mesh]], list[str]]:
-    """Triangulated surfaces of a project by name, and names of its other elements."""
-    import omf
-
-    with path.open("rb") as file:
-        if file.read(4) == b"PK\x03\x04":  # an archive; version 1 is not
-            raise InputError("is of OMF 2, which is not read here: export it as OMF 1, or the surface as OBJ or DXF")
-    project = omf.OMFReader(str(path)).get_project()
-    surfaces: dict[str, list[Mesh]] = {}
-    others = []
-    for part in project.elements:
-        geometry = part.geometry
-        if isinstance(part, omf.SurfaceElement) and isinstance(geometry, omf.SurfaceGeometry):
-            origin = np.asarray(geometry.origin, dtype=np.float64) + np.asarray(project.origin, dtype=np.float64)
-            vertices = np.asarray(geometry.vertices.array, dtype=np.float64) + origin
-            mesh = vertices, np.asarray(geometry.triangles.array, dtype=np.int64)
-            surfaces.setdefault(part.name, []).append(mesh)
-        else:
-            others.append(part.name)
-    return surfaces, others

@@ -1,6 +1,6 @@
-"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF.
+"""Solids from files that mine planning packages write: STL, OBJ, PLY, DXF, OMF, GOCAD.
 
-trimesh, ezdxf and omf are imported where a file is read: that takes long, and most stages read none.
+trimesh and ezdxf are imported where a file is read: that takes long, and most stages read none.
 """
 
 import logging
@@ -13,18 +13,18 @@ import numpy as np
 from common.errors import InputError
 from common.mine_grid import METRES_PER_UNIT as GRID_UNITS
 from common.mine_grid import SAME_AS_MAP, GridMap
+from mpm_core.geometry.gocad import gocad_names, read_gocad
 from mpm_core.geometry.meshes import (
     Mesh,
     choose,
     join,
     obj_names,
-    omf_names,
     read_obj,
-    read_omf,
     read_ply,
     read_stl,
     stl_names,
 )
+from mpm_core.geometry.omf_files import omf_names, read_omf
 from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.solids import Solid, unique_rows
@@ -45,9 +45,9 @@ class Picked:
     layer: str | None = None
     """of a DXF drawing"""
     element: str | None = None
-    """surface of an OMF project, object or group of an OBJ file, solid of a text STL file"""
+    """surface of an OMF project or a GOCAD file, object or group of an OBJ file, solid of a text STL file"""
     units: str | None = None
-    """one of METRES_PER_UNIT; None: what a DXF says of itself, else that of the grid"""
+    """one of METRES_PER_UNIT; None: what a DXF, OMF or GOCAD file states, else that of the grid"""
     scale: float = 1.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     """m"""
@@ -79,9 +79,10 @@ class Picked:
 def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys) -> Solid:
     """Read the solid `name` from a file; the file's ending says which format it is. `keys` are those of Picked.
 
-    `layer` and `element` are needed only if a DXF or OMF file has several; "*" stands for any text in them. Vertices at
-    exactly the same place become one; triangles without area or said twice are dropped, those that look the wrong way
-    are turned (orientation.py). A warning names a file whose single precision (float32) leaves coarse coordinates.
+    `layer` and `element` are needed only if a DXF, OMF or GOCAD file has several; "*" stands for any text in them.
+    Vertices at exactly the same place become one; triangles without area or said twice are dropped, those that look the
+    wrong way are turned (orientation.py). A warning names a file whose single precision (float32) leaves coarse
+    coordinates.
 
     Raises InputError naming the file if it is missing, unreadable, of another format, or bounds no volume.
     """
@@ -91,14 +92,15 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         ".obj": lambda: (read_obj(path, picked.element), None),
         ".ply": lambda: (read_ply(path), None),
         ".dxf": lambda: _read_dxf(path, picked.layer),
-        ".omf": lambda: (read_omf(path, picked.element), None),
+        ".omf": lambda: read_omf(path, picked.element),
+        ".ts": lambda: read_gocad(path, picked.element),
     }
     ending = path.suffix.lower()
     if ending not in readers:
         raise InputError(f"{path}: {name}: not one of the formats {', '.join(readers)}: export it as one of these")
     if (picked.element and ending in (".dxf", ".ply")) or (picked.layer and ending != ".dxf"):
         raise InputError(
-            f"{path}: {name}: `element` is for OMF, OBJ and STL files, `layer` for DXF: remove it or convert the file"
+            f"{path}: {name}: `element` is for OMF, GOCAD, OBJ and STL files, `layer` for DXF: remove it or convert it"
         )
     (vertices, facets), own_unit = _read(path, name, readers[ending])
     if len(facets) and (np.min(facets) < 0 or np.max(facets) >= len(vertices)):
@@ -110,7 +112,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     if np.abs(vertices).max(initial=0.0) > MAX_VERTEX_COORDINATE:
         raise InputError(f"{path}: {name}: coordinates up to {np.abs(vertices).max():.3g} m are no mine's: see `units`")
     if single is not None and len(single):
-        _check_precision(path, name, picked, single)
+        _check_precision(path, name, picked, single, own_unit)
     vertices, facets = _tidy(vertices, facets[:, ::-1] if picked.grid.is_mirrored else facets)
     if len(facets) == 0:
         raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
@@ -148,12 +150,12 @@ class Body:
 
 
 def bodies_in(path: Path) -> list[Body]:
-    """Bodies of a file in their order: layers of a DXF drawing that hold faces, surfaces of an OMF project, objects of
-    an OBJ file (groups where it has none), solids of a text STL file.
+    """Bodies of a file in their order: layers of a DXF drawing that hold faces, surfaces of an OMF project or a GOCAD
+    file, objects of an OBJ file (groups where it has none), solids of a text STL file.
 
     Raises InputError naming the file if it is missing, unreadable or of another format.
     """
-    of_elements = {".obj": obj_names, ".omf": omf_names, ".stl": stl_names, ".ply": lambda path: []}
+    of_elements = {".obj": obj_names, ".omf": omf_names, ".ts": gocad_names, ".stl": stl_names, ".ply": lambda path: []}
     ending = path.suffix.lower()
     if ending == ".dxf":
         layers = _read(path, "", lambda: _layers(path))
@@ -202,10 +204,11 @@ def read_outlines(path: str | Path, name: str, picked: Picked, height: float | N
     return outlines
 
 
-def _check_precision(path: Path, name: str, picked: Picked, vertices: np.ndarray) -> None:
+def _check_precision(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_unit: float | None) -> None:
     """Warn of a file whose coordinates (v, 3) float32, in its own unit, lie on steps that a survey would see."""
     largest = np.abs(vertices).max()
-    step = float(np.spacing(largest)) * METRES_PER_UNIT[picked.units or "m"] * picked.scale
+    unit = METRES_PER_UNIT[picked.units] if picked.units else own_unit or 1.0
+    step = float(np.spacing(largest)) * unit * picked.scale
     if step > MAX_COORDINATE_STEP_UNTOLD:
         logging.warning(
             "%s: %s: the file holds its coordinates in single precision, in steps of %.2g m at %.9g: walls may lie "

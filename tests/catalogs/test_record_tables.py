@@ -3,9 +3,14 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from catalog_fixtures import SHEAR
-from csv_fixtures import COLUMNS, PLAIN, read, refused
+from csv_fixtures import COLUMNS, PLAIN, read, refused, settings_of
+from workbooks import write_xlsx
+
+from catalogs.records import read_record
+from common.errors import InputError
 
 EXPECTED = {
     "time": ["2019-08-01T12:00:00", "2019-08-13T00:00:00.500"],
@@ -249,3 +254,58 @@ def test_a_foreign_magnitude_beside_a_known_potency_is_not_asked_for(tmp_path):
     text = "\n".join([MIXED.splitlines()[0] + ",P", *rows[1:]])
     record = read(tmp_path, text, TYPED | {"potency": "P"})
     np.testing.assert_allclose(record["potency"], [0.1, 0.2, 0.3, 0.4])
+
+
+# ---- workbooks ----
+
+
+def workbook(folder, rows: list[list], **others) -> dict:
+    """Settings of a record in the sheet `Events` of a workbook."""
+    settings = settings_of(folder, b"", name="record.xlsx", **others)
+    write_xlsx(folder / "record.xlsx", rows, "Events")
+    return settings
+
+
+ROWS = [
+    ["Catalogue of a mine", "", "", "", ""],
+    ["time", "x", "y", "z", "mw"],
+    [pd.Timestamp("2019-08-01T12:00:00"), 100.5, 200.0, 300.125, -1.0],
+    [pd.Timestamp("2019-08-13T00:00:30"), 1234.567, 1200.0, 300.0, 0.5],
+]
+
+
+@pytest.mark.parametrize("others", [{}, {"sheet": "Events"}])
+def test_a_sheet_of_a_workbook_is_read_as_a_csv_file_is(tmp_path, others):
+    """Numbers with three decimals are no thousands."""
+    record = read_record(workbook(tmp_path, ROWS, **others))
+    np.testing.assert_array_equal(record["location"], [[100.5, 200, 300.125], [1234.567, 1200, 300]])
+    times = np.array(["2019-08-01T12:00:00", "2019-08-13T00:00:30"], "datetime64[ns]")
+    assert np.abs(record["time"].values - times).max() < np.timedelta64(2, "ms")
+    np.testing.assert_allclose(record["mw"], [-1.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("rows", "others", "says"),
+    [
+        (ROWS, {"sheet": "No"}, "record.xlsx: not readable ("),
+        ([*ROWS[:2], ["2019-08-01", "1,5", 2.0, 3.0, 1.0]], {}, "'1,5' is not a number with a decimal point"),
+        ([["time", "x", "y", "mw"], ["2019-08-01", 1.0, 2.0, 0.0]], {}, "column 'z' (record.columns.z) is missing"),
+        ([], {}, "record.xlsx: not a readable CSV file (it is empty)"),
+        (ROWS, {"decimal": "comma"}, "record.decimal: an Excel file needs none"),
+        (ROWS, {"encoding": "gbk"}, "record.encoding: an Excel file needs none"),
+    ],
+)
+def test_a_workbook_that_is_not_as_named_is_one_line(tmp_path, rows, others, says):
+    with pytest.raises(InputError) as caught:
+        read_record(workbook(tmp_path, rows, **others))
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_damaged_workbook_and_a_sheet_of_a_csv_file_are_one_line(tmp_path):
+    settings = workbook(tmp_path, ROWS)
+    path = tmp_path / "record.xlsx"
+    path.write_bytes(path.read_bytes()[:-200])
+    with pytest.raises(InputError, match=r"record\.xlsx: not readable \("):
+        read_record(settings)
+    assert "record.sheet: a CSV file has no sheets" in refused(tmp_path, PLAIN, sheet="Events")

@@ -5,7 +5,6 @@ import csv
 import itertools
 import json
 import os
-import zipfile
 from pathlib import Path
 
 import ezdxf
@@ -17,6 +16,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from tiny_mines import ROOT, TINY, changed, merged
+from workbooks import write_xlsx
 
 from common.errors import InputError
 from mpm_core.geometry import build_shape
@@ -564,6 +564,15 @@ def write_omf(path: Path, names: list[str]) -> None:
     omf.OMFWriter(project, str(path))
 
 
+def write_gocad(path: Path, names: list[str]) -> None:
+    lines = []
+    for number, name in enumerate(names):
+        lines += ["GOCAD TSurf 1", "HEADER {", f"name:{name}", "}", "TFACE"]
+        lines += ["VRTX {} {} {} {}".format(place, *vertex) for place, vertex in enumerate(solid(number).vertices)]
+        lines += [*("TRGL {} {} {}".format(*facet) for facet in solid(number).facets), "END"]
+    path.write_text("\n".join(lines) + "\n")
+
+
 def write_obj(path: Path, names: list[str], key: str = "o") -> None:
     lines, before = [], 1
     for number, name in enumerate(names):
@@ -589,6 +598,7 @@ def write_stl(path: Path, names: list[str]) -> None:
     ("file", "write"),
     [
         ("s.omf", write_omf),
+        ("s.ts", write_gocad),
         ("s.obj", write_obj),
         ("g.obj", lambda path, names: write_obj(path, names, "g")),
         ("s.stl", write_stl),
@@ -692,44 +702,9 @@ def test_without_the_package_an_excel_file_is_one_line(lines, tmp_path, monkeypa
     ]
 
 
-def write_xlsx(path: Path) -> None:
-    """A workbook of one sheet, Plan: texts, and dates as days since 1899-12-30 in a date format."""
-    main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
-    office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
-    package = "http://schemas.openxmlformats.org/package/2006"
-    kinds = "application/vnd.openxmlformats-officedocument.spreadsheetml"
-
-    def cell(value) -> str:
-        if isinstance(value, pd.Timestamp):
-            return f'<c s="1"><v>{(value - pd.Timestamp("1899-12-30")).days}</v></c>'
-        return f'<c t="inlineStr"><is><t>{value}</t></is></c>'
-
-    rows = "".join(f"<row>{''.join(map(cell, row))}</row>" for row in SHEET[1:3])
-    parts = {
-        "[Content_Types].xml": f'<Types xmlns="{package}/content-types"><Default Extension="rels" ContentType='
-        f'"application/vnd.openxmlformats-package.relationships+xml"/><Override PartName="/xl/workbook.xml" '
-        f'ContentType="{kinds}.sheet.main+xml"/><Override PartName="/xl/sheet.xml" '
-        f'ContentType="{kinds}.worksheet+xml"/><Override PartName="/xl/styles.xml" '
-        f'ContentType="{kinds}.styles+xml"/></Types>',
-        "_rels/.rels": f'<Relationships xmlns="{package}/relationships"><Relationship Id="r" Type="{office}/'
-        'officeDocument" Target="xl/workbook.xml"/></Relationships>',
-        "xl/workbook.xml": f'<workbook xmlns="{main}" xmlns:r="{office}"><sheets><sheet name="Plan" sheetId="1" '
-        'r:id="s"/></sheets></workbook>',
-        "xl/_rels/workbook.xml.rels": f'<Relationships xmlns="{package}/relationships"><Relationship Id="s" Type="'
-        f'{office}/worksheet" Target="sheet.xml"/><Relationship Id="t" Type="{office}/styles" Target="styles.xml"/>'
-        "</Relationships>",
-        "xl/styles.xml": f'<styleSheet xmlns="{main}"><cellXfs count="2"><xf numFmtId="0"/><xf numFmtId="14"/>'
-        "</cellXfs></styleSheet>",
-        "xl/sheet.xml": f'<worksheet xmlns="{main}"><sheetData>{rows}</sheetData></worksheet>',
-    }
-    with zipfile.ZipFile(path, "w") as file:
-        for name, text in parts.items():
-            file.writestr(name, f'<?xml version="1.0" encoding="UTF-8"?>{text}')
-
-
 def test_an_excel_file(mine, lines, tmp_path):
     pytest.importorskip("python_calamine")
-    write_xlsx(tmp_path / "year.xlsx")
+    write_xlsx(tmp_path / "year.xlsx", SHEET[1:3], "Plan")
     write_dxf(tmp_path / "one.dxf", ["A"])
     made = mine(None, name="year.xlsx", solids=[{"file": "one.dxf"}], sheet="Plan", end="2024-04-01")
     assert steps_of(made) == {"A": ("2024-01", "2024-03")}
