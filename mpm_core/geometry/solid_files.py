@@ -207,7 +207,7 @@ def read_outlines(path: str | Path, name: str, picked: Picked, height: float | N
 def _check_precision(path: Path, name: str, picked: Picked, vertices: np.ndarray, own_unit: float | None) -> None:
     """Warn of a file whose coordinates (v, 3) float32, in its own unit, lie on steps that a survey would see."""
     largest = np.abs(vertices).max()
-    unit = METRES_PER_UNIT[picked.units] if picked.units else own_unit or 1.0
+    unit = METRES_PER_UNIT[picked.units] if picked.units else own_unit or picked.grid.metres_per_unit
     step = float(np.spacing(largest)) * unit * picked.scale
     if step > MAX_COORDINATE_STEP_UNTOLD:
         logging.warning(
