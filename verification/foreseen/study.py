@@ -64,7 +64,8 @@ def measure_requests(variant: str) -> list[dict]:
 
     For an error, that which is found, a share; for a time, what the run took over what was asked.
     """
-    os.sched_setaffinity(0, set(list(os.sched_getaffinity(0))[:1]))  # The time of a request is that of all cores.
+    cores = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {cores[os.getpid() % len(cores)]})  # The time of a request is that of all cores.
     mine, rows = load_study(FOLDER / f"{REQUESTS}.yaml").mines[variant], []
     for asked in ASKED:
         request = AccuracyRequest.of(asked)
