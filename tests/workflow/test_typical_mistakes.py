@@ -28,7 +28,7 @@ MISTAKES = {  # What the page quotes: what the template has, what a user writes 
     "is above the friction angle": ("dilation_angle: {intact: 8 deg", "dilation_angle: {intact: 48 deg"),
     "it would fail before anything is mined": ("zz: -0.027 MPa/m", "zz: 0.027 MPa/m"),
     "lies above the ground": ("surface: 350 m", "surface: -350 m"),
-    "its axes run west and south": ("  surface: 350 m", "  crs: EPSG:2053\n  surface: 350 m"),
+    "its axes run north and north": ("  surface: 350 m", "  crs: EPSG:3031\n  surface: 350 m"),
     "is missing; paths resolve from": ("  # - {name: stope_2", "  - {name: stope_2"),
 }
 
