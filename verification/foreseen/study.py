@@ -26,6 +26,7 @@ from verification.comparisons import released_potency
 from verification.foreseen import MINES, REQUESTS
 from verification.frame import CaseResults, Inputs, MeasuringStudy
 from verification.page_tables import Columns
+from verification.plots import plain_ticks
 from verification.studies import FOLDER, load_study
 from workflow import BASE
 from workflow.configuration import load, load_mine, on_requested_cells
@@ -190,7 +191,7 @@ def held(table: pd.DataFrame) -> pd.DataFrame:
 def figures(results: CaseResults) -> dict[str, Figure]:
     """Time and memory, foreseen against found; and what each mine's cells cost and leave wrong."""
     table = tables(results)["table"]
-    figure = style.new_figure(height=3.4)
+    figure = style.new_figure(height=3.8)
     *panels, last = figure.subplots(1, 3)
     pairs = (
         ("took_s", "foreseen_s", "processor time (s)", FAR),
@@ -205,7 +206,10 @@ def figures(results: CaseResults) -> dict[str, Figure]:
         panel.set_xlabel(f"{title}, found")
         panel.set_ylabel("foreseen")
         panel.legend(fontsize=7, loc="upper left")
+        plain_ticks(panel.xaxis)
+        plain_ticks(panel.yaxis)
     draw_prices(last, table)
+    figure.legend(*last.get_legend_handles_labels(), loc="outside lower right", ncols=3, fontsize=7)
     return {"figure": figure}
 
 
@@ -232,7 +236,8 @@ def draw_prices(panel: Axes, table: pd.DataFrame) -> None:
     panel.plot([], [], "o", color=SHIPPED, label="stated, shipped mines")
     panel.set_xlabel("processor time (s)")
     panel.set_ylabel("error of potency or failed volume (%)")
-    panel.legend(fontsize=6, loc="upper right")
+    plain_ticks(panel.xaxis)
+    plain_ticks(panel.yaxis)
 
 
 STUDY = MeasuringStudy(
