@@ -26,9 +26,8 @@ DIRECTIONS = {"east": (1, 0), "north": (0, 1), "west": (-1, 0), "south": (0, -1)
 EAST_NORTH: tuple[str, ...] = ("east", "north")
 MIN_SCALE, MAX_SCALE = 0.99, 1.01  # A projection and the height of a mine change lengths by less than this.
 DECIMALS = 7  # Of places on the map, m: round-off of a turn must not decide on which side of a cell a wall lies.
-MAX_ROUND_OFF = (
-    1e-9  # Degrees within which a fitted angle is a multiple of 90 degrees; of a scale, within which it is 1.
-)
+# Degrees within which a fitted angle is a multiple of 90 degrees; of a scale, within which it is 1.
+MAX_ROUND_OFF = 1e-9
 
 Direction = Literal["east", "north", "west", "south"]
 Axes = Annotated[tuple[Direction, ...], Field(min_length=2, max_length=2), AsTuple]

@@ -33,9 +33,8 @@ from workflow.virgin_rock import Rocks, overstress
 MAX_CHECKED_DISTANCE = 1e5  # m from the openings: virgin rock further away is not checked
 LAYERS = 200  # distances from the openings, up to MAX_CHECKED_DISTANCE, at which the rock is looked up
 MAX_COARSE_CELLS = 10**9  # the finer ones come on top
-MIN_EMPTY_SHARE = (
-    0.5  # of the length of all openings along an axis: from an empty stretch on, what lies beyond is named
-)
+# Where an empty stretch takes this share of the length of all openings along an axis, what lies beyond it is named.
+MIN_EMPTY_SHARE = 0.5
 SAME = 1e-9  # share by which sizes differ that are the same
 
 
