@@ -27,7 +27,7 @@ def test_shares_of_quotes_within_factors_and_of_errors_within_what_was_stated():
     rows = [
         row(),
         row(took_s=14.0, memory_MB=700.0, volume_error=0.11),
-        row(took_s=6.0, stated_error=0.17),
+        row(took_s=6.0, stated_error=0.17, pilot_cell_m=2.0),  # tried on its own cells
         row(took_s=30.0, stated_error=np.nan),
         row(took_s=10.0, potency_error=np.nan, volume_error=np.nan, stated_error=np.inf),
     ]
@@ -38,8 +38,8 @@ def test_shares_of_quotes_within_factors_and_of_errors_within_what_was_stated():
     assert made["requested"]["largest_error"].tolist() == pytest.approx([0.04, np.nan], nan_ok=True)
     assert list(made["table"].columns) == list(COLUMNS)
     shares = held(made["table"]).set_index("what")
-    assert shares["share"].tolist() == pytest.approx([3 / 5, 4 / 5, 4 / 5, 5 / 6, 2 / 3])
-    assert shares["quotes"].tolist() == [5, 5, 5, 6, 3]
+    assert shares["share"].tolist() == pytest.approx([3 / 5, 4 / 5, 3 / 4, 3 / 4, 4 / 5, 5 / 6, 2 / 3])
+    assert shares["quotes"].tolist() == [5, 5, 4, 4, 5, 6, 3]
     figure = STUDY.figures({"a": rows, f"{foreseen.REQUESTS}-raise": asked})["figure"]
     assert isinstance(figure, Figure)
     labels = [panel.get_xlabel() for panel in figure.axes]

@@ -174,9 +174,14 @@ def held(table: pd.DataFrame) -> pd.DataFrame:
     largest = stated[["potency_error", "volume_error"]].max(axis=1)
     both = pd.concat([stated["potency_error"], stated["volume_error"]])
     limits = pd.concat([stated["stated_error"]] * 2)
+    # On the mine's own cells a pilot has run the first steps themselves, and its time is near by construction.
+    beyond = time[table["pilot_cell_m"] > 1.01 * table["finest_cell_m"]]
     rows = [
-        (f"time within a factor of {NEAR:g}", len(table), float(np.mean(time <= np.log(NEAR)))),
-        (f"time within a factor of {FAR:g}", len(table), float(np.mean(time <= np.log(FAR)))),
+        (f"{title} within a factor of {factor:g}", len(some), float(np.mean(some <= np.log(factor))))
+        for title, some in (("time", time), ("time, pilots on larger cells,", beyond))
+        for factor in (NEAR, FAR)
+    ]
+    rows += [
         (f"memory within {100 * (NEAR_MEMORY - 1):.0f} %", len(table), float(np.mean(memory <= np.log(NEAR_MEMORY)))),
         ("error of potency, or of failed volume, within the stated one", len(both), float(np.mean(both <= limits))),
         (
