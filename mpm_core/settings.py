@@ -22,6 +22,7 @@ from common.setting_types import (
     whole,
     whole_number,
 )
+from mpm_core.block_settings import PlacedBlocks
 from mpm_core.geometry.shapes import SHAPES
 from mpm_core.geometry.shapes.prism import DrawnPrism
 
@@ -385,6 +386,8 @@ class GridSlice(Settings):
     grid: GridCells
     excavations: Annotated[tuple[PlacedSolid, ...], AsTuple]
     rock_bodies: Annotated[tuple[PlacedBody, ...], AsTuple]
+    blocks: PlacedBlocks | None = None
+    """block model of the rock"""
     later: Annotated[tuple[int, ...], AsTuple] = ()
     """numbers of the excavations that have no fine cells yet"""
     mined: Annotated[tuple[int, ...], AsTuple] = ()
