@@ -185,8 +185,8 @@ def kinds_or_host(rock: RockBlocks | None, points: np.ndarray, first: int) -> np
 def block_attributes(
     settings: PlacedBlocks | None, rock: RockBlocks | None, kind: np.ndarray, volume: np.ndarray
 ) -> dict[str, str]:
-    """Attribute of a grid whose rock is from a block model, else nothing: how many blocks there are, and the share of
-    the volume of the cells that has each kind of rock.
+    """Attributes of a grid whose rock is from a block model, else nothing: how many blocks there are, the share of the
+    volume of the cells that has each kind of rock, and the material of each kind.
 
     kind (cell,): number of the kind of each cell, negative without; volume (cell,) m3. Raises InputError where no cell
     has one.
@@ -202,4 +202,7 @@ def block_attributes(
         )
     share = np.bincount(kind[inside], volume[inside], minlength=len(kinds)) / volume.sum()
     held = {settings.kind_name(one): float(part) for one, part in zip(kinds, share, strict=True) if part}
-    return {"block_model": json.dumps({"blocks": len(rock.kind), "shares": held})}
+    return {
+        "block_model": json.dumps({"blocks": len(rock.kind), "shares": held}),
+        "block_materials": json.dumps([one.material for one in kinds]),
+    }
