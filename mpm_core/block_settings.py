@@ -99,7 +99,7 @@ class BlockModel(Settings):
     """Unit of the file's coordinates and sides. Default: that of an OMF project, that of frame.grid, or m."""
     counted_first: Literal["u", "w"] = None
     """Which index of its blocks an OMF 1 project counts first, u (as OMF 2 does) or w. The format does not say it, and
-    programs differ. Compare the picture of ParaView with that of your own program."""
+    programs differ. Compare the picture of target `scene` with that of your own program."""
     classes: BlockClasses = None
     """Materials by class."""
     material: str = None
