@@ -108,7 +108,7 @@ def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
                 best, found = count, (number, separator, header)
     if best < len(SIDES):
         raise InputError(
-            "has no line with the names of columns x, y and z: export the blocks as CSV, or name them by block_model.columns"
+            "has no line with the names of columns x, y and z: name them by block_model.columns, or export it as CSV"
         )
     return found
 
