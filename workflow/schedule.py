@@ -21,7 +21,7 @@ from mpm_core.geometry.solid_files import Body, bodies_in
 from workflow.dates import read_date
 from workflow.mine_settings import Excavation, Schedule, ScheduledSolids, Step
 from workflow.schedule_periods import DAY, Period, calendar_periods, first_after, period_of
-from workflow.schedule_table import HISTORY, OPEN, PLANNED, Row, read_rows
+from workflow.schedule_table import HISTORY, OPEN, PLANNED, Row, When, read_rows
 
 NO_LETTER = re.compile("[^A-Za-z0-9_-]")
 MAX_NAMED = 5  # Bodies that a note names.
@@ -71,13 +71,15 @@ def make_schedule(schedule: Schedule, folder: Path) -> MadeSchedule:
     bodies, are_all = _bodies(schedule, folder, made.mistakes)
     if could_read:
         matched = _match(bodies, are_all, rows, _shown(folder, schedule.file), made.mistakes)
-        periods, start = _periods(schedule, [row for row in rows if row.sound], start, end, made.mistakes)
+        days = [day for row in rows if row.sound for day in _ends(row, 1)]
+        days += [day for found, row in matched if row.sound for day in _ends(row, found.entry.parts or 1)]
+        periods, start = _periods(schedule, [row for row in rows if row.sound], days, start, end, made.mistakes)
         made.steps = [period.step() for period in periods]
         for found, row in matched:
             if row.sound:
                 with made.mistakes.gather():
-                    _add(made, schedule, found, row, _when_mined(row, periods, start, end), periods)
-        made.notes = _notes([row for _, row in matched if row.sound], periods)
+                    _add(made, schedule, found, row, periods, start, end)
+        made.notes = _notes([row for found, row in matched if row.sound and found.entry.parts is None], periods)
     return made
 
 
@@ -197,12 +199,12 @@ def _near(name: str, others: Mapping[str, str]) -> str:
 def _periods(
     schedule: Schedule,
     rows: Sequence[Row],
+    days: Sequence[pd.Timestamp],
     start: pd.Timestamp | None,
     end: pd.Timestamp | None,
     mistakes: Mistakes,
 ) -> tuple[list[Period], pd.Timestamp | None]:
-    """The periods of a schedule, and the day before which all is history."""
-    days = [row.last for row in rows if isinstance(row.last, pd.Timestamp)]
+    """The periods of a schedule, and the day before which all is history. days: on which a body or a part ends."""
     if schedule.period == "table":
         periods = list(_table_periods(rows, start, end, mistakes))
     else:
@@ -248,29 +250,56 @@ def _table_periods(
         before = row if before is None or row.last > before.last else before
 
 
-def _when_mined(row: Row, periods: Sequence[Period], start: pd.Timestamp | None, end: pd.Timestamp | None) -> str:
-    """Name of the step in which a row's body is mined: that in which it ends."""
+def _ends(row: Row, parts: int) -> list[pd.Timestamp]:
+    """Last day of mining of each part of a row's body, which are mined at an even rate; all on the last day of one
+    without a start; none of one that has no dates."""
     if not isinstance(row.last, pd.Timestamp):
-        return str(row.last)
-    if start is not None and row.last < start:
+        return []
+    first = row.last if row.start is None else row.start
+    days = (row.last - first).days + 1
+    return [first + DAY * (-(-number * days // parts) - 1) for number in range(1, parts + 1)]
+
+
+def _when_mined(last: When, periods: Sequence[Period], start: pd.Timestamp | None, end: pd.Timestamp | None) -> str:
+    """Name of the step in which a body or a part is mined: that in which it ends."""
+    if not isinstance(last, pd.Timestamp):
+        return str(last)
+    if start is not None and last < start:
         return HISTORY
-    period = period_of(row.last, periods)
+    period = period_of(last, periods)
     return PLANNED if period is None else period.name
 
 
 def _add(
-    made: MadeSchedule, schedule: Schedule, found: FoundBody, row: Row, step: str, periods: Sequence[Period]
+    made: MadeSchedule,
+    schedule: Schedule,
+    found: FoundBody,
+    row: Row,
+    periods: Sequence[Period],
+    start: pd.Timestamp | None,
+    end: pd.Timestamp | None,
 ) -> None:
-    """Add the excavation of a body. Raises InputErrors for one that cannot be."""
-    name = NO_LETTER.sub("_", found.body.name if found.body.name.casefold() == row.body.casefold() else row.body)
-    solids = {key: value for key, value in found.entry.given().items() if key not in ("file", "layer", "element")}
-    entry = {"name": name, "step": step, "file": found.file, **found.body.keys, **solids}
+    """Add the excavation of a body, or those of its parts. Raises InputErrors for one that cannot be."""
+    body = NO_LETTER.sub("_", found.body.name if found.body.name.casefold() == row.body.casefold() else row.body)
+    own = ("file", "layer", "element", "parts", "advance")
+    solids = {key: value for key, value in found.entry.given().items() if key not in own}
     material = row.material or (schedule.fill if row.filled is not None else None)
-    if material and material.casefold() != OPEN:
-        entry |= {"fill": material, "filled": _when_filled(row, step, periods)}
-    with _in_row(row):
-        made.excavations.append(Excavation.of(entry))
-    made.rows[name] = row.where
+    step = _when_mined(row.last, periods, start, end)
+    parts = found.entry.parts
+    if parts and row.start is None and isinstance(row.last, pd.Timestamp):
+        raise InputError(
+            f"{row.where}: has no start; solids with parts are mined from the start to the end of their row"
+        )
+    for number, last in enumerate(_ends(row, parts or 1) or [row.last] * (parts or 1), 1):
+        name = f"{body}_{number}" if parts else body
+        part: dict[str, Any] = {"part": [number, parts], "advance": found.entry.advance} if parts else {}
+        entry: dict[str, Any] = {"name": name, "step": _when_mined(last, periods, start, end), "file": found.file}
+        entry |= {**found.body.keys, **solids, **part}
+        if material and material.casefold() != OPEN:
+            entry |= {"fill": material, "filled": _when_filled(row, step, periods)}
+        with _in_row(row):
+            made.excavations.append(Excavation.of(entry))
+        made.rows[name] = row.where
 
 
 def _when_filled(row: Row, step: str, periods: Sequence[Period]) -> str:
