@@ -177,7 +177,11 @@ def bodies_in(path: Path) -> list[Body]:
         return [Body(name, {"layer": name}, hidden) for name, hidden in layers.items()]
     if ending not in of_elements:
         raise InputError(f"{path}: not one of the formats .dxf, {', '.join(of_elements)}: export it as one of these")
-    names = [name for name in _read(path, "", lambda: of_elements[ending](path)) if name]
+    names = _read(path, "", lambda: of_elements[ending](path))
+    unnamed = sum(not name.strip() for name in names)
+    if unnamed and len(names) > 1:
+        raise InputError(f"{path}: {unnamed} of {len(names)} bodies have no name: name them, and export it again")
+    names = [name for name in names if name.strip()]
     return [Body(name, {"element": name}) for name in names] or [Body(path.stem, {})]
 
 

@@ -22,6 +22,34 @@ def test_a_slip_is_told_with_the_name_that_may_be_meant(lines, tmp_path):
     ]
 
 
+def test_blanks_of_names_do_not_matter(mine, tmp_path):
+    write_dxf(tmp_path / "blanks.dxf", ["ST 1 ", "ST  2"])
+    made = mine([("st  1", "", "2024-01-20"), ("ST 2", "", "planned")], solids=[{"file": "blanks.dxf"}])
+    assert [(entry.name, entry.layer) for entry in made.excavations] == [("ST_1", "ST 1 "), ("ST__2", "ST  2")]
+
+
+@pytest.mark.parametrize(
+    ("layer", "cell", "remedy"),
+    [
+        ("007", "7", "; did you mean 007?"),
+        ("L7_001", "L07_1", "; did you mean L7_001?"),
+        ("12-03", "2024-03-12 00:00:00", "; a program has made a date of it: let the column be text, and write the "
+         "name again"),
+    ],
+)  # fmt: skip
+def test_names_that_a_spreadsheet_has_changed_are_told_with_a_remedy(lines, tmp_path, layer, cell, remedy):
+    write_dxf(tmp_path / "one.dxf", [layer])
+    found = lines([(cell, "", "planned")], solids=[{"file": "one.dxf"}])
+    assert found[0] == f"schedule.file: year.csv: row 1: {cell}: no body of the solids has this name{remedy}"
+
+
+def test_a_body_without_a_name_is_not_left_out(lines, tmp_path):
+    write_omf(tmp_path / "s.omf", ["A", "", "B"])
+    assert lines([("A", "", "planned"), ("B", "", "planned")], solids=[{"file": "s.omf"}]) == [
+        "schedule.solids[0]: s.omf: 1 of 3 bodies have no name: name them, and export it again"
+    ]
+
+
 def test_a_body_in_two_files_is_told(lines, tmp_path):
     write_dxf(tmp_path / "one.dxf", ["A", "B"])
     write_dxf(tmp_path / "two.dxf", ["C", "b"], 5)

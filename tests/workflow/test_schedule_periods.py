@@ -67,6 +67,22 @@ def test_periods(mine, period, more, names):
         assert step.start < step.end
 
 
+def test_a_year_that_may_be_wrong_is_told(mine, lines):
+    rows = [("A", "", "2042-01-20"), ("B", "", "2024-02-05"), *RIGHT[2:]]
+    assert mine(rows).made_schedule.notes == [
+        "schedule: nothing is mined in 213 steps in a row, 2024-04 to 2041-12; correct the dates if a year is wrong"
+    ]
+    assert lines([("A", "", "1924-01-20"), *RIGHT[1:]]) == [
+        "schedule.period: month: makes 1203 steps, and 600 are possible; bodies end from 1924-01-20 (row 1: A) to "
+        "2024-03-31 (row 3: C): correct a date, or give start and end"
+    ]
+
+
+def test_a_time_in_which_no_body_ends_is_told(mine):
+    (note,) = mine(RIGHT, start="2042-01-01").made_schedule.notes
+    assert note == "schedule: no body ends between schedule.start and schedule.end, so that there are no steps"
+
+
 def test_periods_of_the_table_have_its_names_and_dates(mine):
     """Two bodies of one period; a month without any."""
     rows = [("A", "2024-01-01", "2024-01-31"), ("B", "2024-01-01", "2024-01-31"), ("C", "2024-03-01", "2024-03-31")]

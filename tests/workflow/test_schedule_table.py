@@ -62,6 +62,11 @@ MISTAKES = {
         "schedule.file: year.csv: row 4: D: column 'end': 'soon' is no date; write it as 2024-03-31, or history or "
         "planned",
     ),
+    "a fill of what is planned": (
+        [*RIGHT[:3], ("D", "", "planned", "2024-02-02", "paste")],
+        "schedule.file: year.csv: row 4: D: is filled on 2024-02-02, but its mining is planned; give the date of its "
+        "end",
+    ),
     "a month of 13": (
         [*RIGHT[:3], ("D", "2024-13-01", "2024-01-31")],
         "schedule.file: year.csv: row 4: D: column 'start': '2024-13-01' is no date; write it as 2024-03-31",
@@ -74,7 +79,7 @@ MISTAKES = {
     "a number": (
         [*RIGHT[:3], ("D", "", "45352")],
         "schedule.file: year.csv: row 4: D: column 'end': '45352' is no date; write it as 2024-03-31, or history or "
-        "planned",
+        "planned (45352 may be the number of a day in a spreadsheet: let the cell be a date)",
     ),
     "day or month": (
         [*RIGHT[:3], ("D", "", "03/04/2024")],
@@ -153,12 +158,48 @@ def test_mistakes_of_keys_and_files(lines, values, line):
         (("01/02/2024", "02/05/2024"), {"date_order": "month"}),
         (("20-Jan-24", "5 February 2024"), {}),
         (("2024-01-20 14:30", "2024-02-05T00:00:00"), {}),
+        (("2024-01-31T23:00:00-05:00", "2024-02-01T00:00:00+02:00"), {}),
+        (("2024-01-31 23:00 (UTC-05:00)", "2024-02-01 00:00 Z"), {}),
         (("2024-02-01", "2024-03-01"), {"ends": "day_after"}),
     ],
 )
 def test_dates_as_tables_write_them(mine, dates, keys):
     made = mine([("A", "", dates[0]), ("B", "", dates[1]), ("C", "", "planned"), ("D", "", "History")], **keys)
     assert [step for step, _ in steps_of(made).values()] == ["2024-01", "2024-02", "planned", "history"]
+
+
+def test_days_and_months_that_a_program_may_have_exchanged_are_one_line(lines, tmp_path):
+    """A program that expects the month first makes dates of 03/04/2024, and leaves 13/02/2024 as text."""
+    names = list("ABCDEF")
+    write_dxf(tmp_path / "six.dxf", names)
+    days = ["13/02/2024", "2024-03-12", "2024-03-11", "2024-04-10", "2024-05-09", "2024-01-09"]
+    rows = [(name, "", day) for name, day in zip(names, days, strict=True)]
+    assert lines(rows, solids=[{"file": "six.dxf"}]) == [
+        "schedule.file: year.csv: dates such as 13/02/2024 are text, and all 5 others, such as 2024-03-12, have days "
+        "up to 12: a program may have exchanged day and month in these; write all dates as 2024-03-31"
+    ]
+
+
+def test_dates_of_both_kinds_are_read_where_nothing_was_exchanged(mine, tmp_path):
+    names = list("ABCDEF")
+    write_dxf(tmp_path / "six.dxf", names)
+    days = ["13/02/2024", "2024-03-22", "2024-03-11", "2024-04-10", "2024-05-09", "2024-01-09"]
+    made = mine([(name, "", day) for name, day in zip(names, days, strict=True)], solids=[{"file": "six.dxf"}])
+    assert [step for step, _ in steps_of(made).values()] == [f"2024-0{month}" for month in (2, 3, 3, 4, 5, 1)]
+
+
+def test_a_name_of_a_column_may_have_two_lines(mine):
+    table = 'body,"start\nof mining",end\nA,,2024-01-20\nB,,planned\nC,,planned\nD,,planned\n'
+    assert steps_of(mine(table, columns={"start": "start of mining"}))["A"] == ("2024-01", "")
+
+
+def test_bodies_have_names_that_are_words_of_tables_elsewhere(mine, tmp_path):
+    """A number sign begins no comment, and NA is no empty cell."""
+    write_dxf(tmp_path / "odd.dxf", ["#12", "NA", "None"])
+    made = mine(
+        [("#12", "", "2024-01-20"), ("NA", "", "planned"), ("None", "", "planned")], solids=[{"file": "odd.dxf"}]
+    )
+    assert [entry.name for entry in made.excavations] == ["12", "NA", "None"]
 
 
 def test_columns_have_the_names_of_the_file(mine):
