@@ -47,6 +47,7 @@ def on_map(settings: MineSettings) -> OnMap:
         from catalogs.sources.geographic_frame import axes_of_crs  # slow to import
 
         axes = axes_of_crs(frame.crs)
+        _check_unit(frame)
     if frame.grid is None and axes == EAST_NORTH:
         return OnMap(settings)
     _check_has_grid(settings)
@@ -69,6 +70,19 @@ def on_map(settings: MineSettings) -> OnMap:
         raise InputErrors(mistakes.lines)
     given = settings.model_fields_set
     return OnMap(settings.model_copy(update={key: found[key] for key in found if key in given}), text)
+
+
+def _check_unit(frame: Frame) -> None:
+    """Raise InputError for a crs that counts in feet where nothing says in which unit the files do."""
+    from catalogs.sources.geographic_frame import unit_of_crs
+
+    unit = unit_of_crs(frame.crs or "")
+    if unit != "metre" and (frame.grid is None or "units" not in frame.grid.model_fields_set):
+        known = {"US survey foot": "us_ft", "foot": "ft"}.get(unit, "m")
+        raise InputError(
+            f"frame.crs: {frame.crs[:40] if frame.crs else ''}: its unit is the {unit}, and results are in metres; say "
+            f"which unit solids and record have with frame.grid.units: {known}, if they have that of the system"
+        )
 
 
 def _check_has_grid(settings: MineSettings) -> None:

@@ -98,7 +98,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         ".ply": lambda: (read_ply(path), None),
         ".dxf": lambda: _read_dxf(path, picked.layer),
         ".omf": lambda: read_omf(path, picked.element),
-        ".ts": lambda: read_gocad(path, picked.element),
+        ".ts": lambda: read_gocad(path, picked.element, picked.grid.is_downward),
     }
     ending = path.suffix.lower()
     if ending not in readers:
