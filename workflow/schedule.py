@@ -360,6 +360,7 @@ def _notes(rows: Sequence[Row], periods: Sequence[Period]) -> list[str]:
     more = f" and {len(across) - MAX_NAMED} more" if len(across) > MAX_NAMED else ""
     listed = f"{', '.join(across[:MAX_NAMED])}{more}"
     note = f"schedule: bodies that begin before the step in which they end are mined in that step: {listed}"
+    note += "; schedule.solids.parts divides them"
     logging.info(note)
     return [note]
 

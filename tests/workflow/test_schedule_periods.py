@@ -21,7 +21,10 @@ def test_a_body_is_mined_in_the_month_it_ends_in_and_filled_before_a_later_one_b
         "D": ("planned", "planned"),
     }
     (note,) = made.made_schedule.notes
-    assert note == "schedule: bodies that begin before the step in which they end are mined in that step: B"
+    assert note == (
+        "schedule: bodies that begin before the step in which they end are mined in that step: B; "
+        "schedule.solids.parts divides them"
+    )
 
 
 def test_a_fill_never_acts_in_the_step_that_mines(mine):

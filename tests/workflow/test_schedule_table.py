@@ -95,6 +95,16 @@ def test_a_mistake_is_one_line_with_file_row_and_body(lines, kind):
     assert lines(table) == [line]
 
 
+def test_a_material_that_is_missing_from_many_rows_is_one_line(lines):
+    """Also of rows with parts; another wrong material has its own line."""
+    table = [(name, "2024-01-01", "2024-01-31", "", "grout" if name < "D" else "mud") for name in "ABCD"]
+    assert lines(table, solids=[{"file": "stopes.dxf", "parts": 3, "advance": "0 deg"}]) == [
+        "schedule.file: year.csv: row 1: A: 'grout' is not one of the materials host, fill, paste, none (and 2 more "
+        "like it)",
+        "schedule.file: year.csv: row 4: D: 'mud' is not one of the materials host, fill, paste, none",
+    ]
+
+
 def test_all_mistakes_come_at_once_and_none_follows_from_another(lines):
     """In all rows, in the solids and elsewhere in the mine's file, where an excavation names a step of the schedule."""
     table = [
