@@ -218,11 +218,15 @@ SAME_AS_MAP = GridMap()
 
 
 class Fit(NamedTuple):
-    """A grid by common points, and by how much it misses each: in plan and in elevation (point,) m."""
+    """A grid by common points, and by how much it misses each: in plan and in elevation (point,) m.
+
+    fits_mirrored: whether the mirrored grid would do, too, as where points lie on one line.
+    """
 
     map: GridMap
     residual: NDArray
     elevation_residual: NDArray
+    fits_mirrored: bool = False
 
 
 def fit(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> Fit:
@@ -237,7 +241,7 @@ def fit(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> Fit:
     found = _fitted(grid, points, axes)
     if problem := _problem(grid, found):
         raise InputError(f"{problem}{_hint(grid, points, axes)}")
-    return found
+    return found._replace(fits_mirrored=not _problem(grid, _fitted(grid, points, axes[1::-1] + axes[2:])))
 
 
 def _hint(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> str:

@@ -129,6 +129,9 @@ def _resolved(frame: Frame, axes: tuple[str, ...]) -> tuple[MineGrid, GridMap, s
     if found:
         text += f" It misses its {len(points)} common points by at most {found.residual.max():.3f} m in plan"
         text += f" and {found.elevation_residual.max():.3f} m in elevation." if points.shape[1] == 3 else "."
+        if found.fits_mirrored:
+            text += " They fit the mirrored grid as well, and so do not show a mistake in axes: give one that is off "
+            text += "their line."
     return resolved, grid, text
 
 

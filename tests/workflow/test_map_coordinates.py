@@ -369,6 +369,15 @@ def test_a_system_in_feet_is_the_same_in_metres(tmp_path):
     np.testing.assert_allclose(globe[:2], [latitude, longitude], atol=1e-9, rtol=0)
 
 
+@pytest.mark.parametrize(("third", "is_told"), [([400.0, 800.0], False), ([500.0, 0.0], True), (None, True)])
+def test_points_on_one_line_do_not_show_a_mirrored_grid(tmp_path, third, is_told):
+    writer = by_points(grid(unit="m", metres=1.0))
+    points = [[0.0, 0.0], [900.0, 0.0], *([third] if third else [])]
+    frame = {"points": [{"grid": writer.texts(one), "map": ON_UTM.texts(one)} for one in points]}
+    mine = read(mine_of(replace(writer, frame={"crs": "EPSG:32735", "grid": frame}), tmp_path), tmp_path)
+    assert ("They fit the mirrored grid as well" in mine.grid_text) == is_told
+
+
 def test_a_grid_upon_lo29_has_its_points_in_the_axes_of_lo29(tmp_path):
     """Map coordinates of common points are those of the system: west and south; the grid's own default is the same."""
     local = Writer((100.0, 50.0, 0.0), {}, -TURNED)  # x and y to the grid's west and south
@@ -559,6 +568,8 @@ def test_the_examples_of_the_page_are_grids(tmp_path):
     for text in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL):
         mine = mine_of(ON_UTM, tmp_path) | yaml.safe_load(text)
         found.append(places_on_map(MineSettings.read(merged(mine))))
-    assert [one.settings.frame.surface for one in found] == pytest.approx([5600 * FOOT - 100, 1600.0, 1700.0], abs=0.02)
-    assert [one.settings.frame.grid.axes for one in found] == [("east", "north")] * 2 + [("west", "south")]
+    surfaces = [5600 * FOOT - 100, 1600.0, 1700.0, 20 * SURVEY_FOOT]
+    assert [one.settings.frame.surface for one in found] == pytest.approx(surfaces, abs=0.02)
+    east_north = ("east", "north")
+    assert [one.settings.frame.grid.axes for one in found] == [east_north, east_north, ("west", "south"), east_north]
     assert found[1].settings.frame.grid.angle == pytest.approx(32.0, abs=1e-3)
