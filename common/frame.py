@@ -17,9 +17,9 @@ class Frame(Settings):
     longitude: real_number(ge=-180, le=180) = None
     """Longitude of the origin of the coordinates, degrees (WGS 84)."""
     crs: str = None
-    """Projected coordinate system in metres, instead of latitude and longitude: EPSG code, PROJ text or WKT. Where one
-    of its axes runs west or south (EPSG:2053, EPSG:5513), x and y are its axes in their order; else x is east and y
-    north."""
+    """Projected coordinate system, instead of latitude and longitude: EPSG code, PROJ text or WKT. One in feet needs
+    grid.units. Where one of its axes runs west or south (EPSG:2053, EPSG:5513), x and y are its axes in their order;
+    else x is east and y north."""
     grid: MineGrid = None
     surface: Length
     """Elevation of the ground. Depth, and so in-situ stress, is measured from it."""

@@ -5,7 +5,7 @@ Inside the program x is east, y north (of the map) and z up, in metres. A mine's
     map = map_origin + scale R A (grid - grid_origin)
 
 in plan, with A (2, 2) from `axes` (the directions of x and y in the grid) to the grid's own east and north, and R the
-turn by `angle`. Elevations are shifted alone, as a scale of the map does not change them.
+turn by `angle`. Elevations are shifted, and change their sign where z runs down. Scale does not change them.
 """
 
 from collections.abc import Sequence
@@ -29,8 +29,10 @@ DECIMALS = 7  # Of places on the map, m: round-off of a turn must not decide on 
 # Degrees within which a fitted angle is a multiple of 90 degrees; of a scale, within which it is 1.
 MAX_ROUND_OFF = 1e-9
 
-Direction = Literal["east", "north", "west", "south"]
-Axes = Annotated[tuple[Direction, ...], Field(min_length=2, max_length=2), AsTuple]
+DOWN = "down"
+
+Direction = Literal["east", "north", "west", "south", "up", "down"]
+Axes = Annotated[tuple[Direction, ...], Field(min_length=2, max_length=3), AsTuple]
 
 
 class CommonPoint(Settings):
@@ -54,8 +56,8 @@ class MineGrid(Settings):
     follows from angle and origin, or from points. Bearings (trend, dip direction) always count from the map's north."""
 
     axes: Axes = None
-    """Directions of x and y in the grid: [west, south], [north, east]. Default: [east, north]; where the axes of
-    frame.crs run west or south, these axes."""
+    """Directions of x and y in the grid, and of z if it runs down: [west, south], [north, east, down]. Default:
+    [east, north]; where the axes of frame.crs run west or south, these axes."""
     angle: Annotated[float, Unit("deg", ge=-360, le=360)] = None
     """Angle from the map's north to the grid's north, clockwise seen from above: at 90 deg the grid's north is the
     map's east. Default: 0 deg."""
@@ -76,8 +78,11 @@ class MineGrid(Settings):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         given = self.model_fields_set
-        if self.axes and len({axis in ("east", "west") for axis in self.axes}) < 2:
-            raise refusal(f"{' and '.join(self.axes)} are on one line; give one of east, west and one of north, south",
+        plan, vertical = (self.axes or EAST_NORTH)[:2], (self.axes or EAST_NORTH)[2:]
+        if {*plan} - {*DIRECTIONS} or {*vertical} & {*DIRECTIONS}:
+            raise refusal("give the directions of x and y in plan, then up or down as that of z, if any", "axes")
+        if len({axis in ("east", "west") for axis in plan}) < 2:
+            raise refusal(f"{' and '.join(plan)} are on one line; give one of east, west and one of north, south",
                           "axes")  # fmt: skip
         if self.points and given & {"angle", "origin"}:
             raise refusal(
@@ -131,7 +136,7 @@ class GridMap:
     @cached_property
     def turn(self) -> NDArray:
         """Orthogonal matrix (3, 3): columns are the directions of the grid's x, y and z in east, north, up."""
-        directions = np.array([DIRECTIONS[axis] for axis in self.axes], float).T
+        directions = np.array([DIRECTIONS[axis] for axis in self.axes[:2]], float).T
         quarters, rest = divmod(self.angle, 90.0)
         if rest:
             sine, cosine = np.sin(np.radians(self.angle)), np.cos(np.radians(self.angle))
@@ -139,7 +144,13 @@ class GridMap:
             sine, cosine = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][int(quarters) % 4]
         turn = np.eye(3)
         turn[:2, :2] = np.array([[cosine, sine], [-sine, cosine]]) @ directions
+        turn[2, 2] = -1.0 if self.is_downward else 1.0
         return turn
+
+    @property
+    def is_downward(self) -> bool:
+        """True if z in the grid counts downward."""
+        return self.axes[2:] == (DOWN,)
 
     @property
     def is_mirrored(self) -> bool:
@@ -153,8 +164,9 @@ class GridMap:
 
     def text(self) -> str:
         """Sentences on axes, turn, scale and unit of the grid."""
-        parts = [f"In the mine's own grid x runs {self.axes[0]} and y {self.axes[1]}."]
-        parts += ["It is mirrored."] if self.is_mirrored else []
+        down = ", and z down" if self.is_downward else ""
+        parts = [f"In the mine's own grid x runs {self.axes[0]} and y {self.axes[1]}{down}."]
+        parts += ["It is mirrored in plan."] if self.is_mirrored != self.is_downward else []
         parts += [f"Its north is {self.angle:.6g} degrees clockwise from the map's."] if self.angle else []
         parts += [f"Distances on the map are {self.scale:.6f} of those in it."] if self.scale != 1.0 else []
         parts += [f"Its unit is {self.units}."] if self.units != "m" else []
@@ -185,7 +197,7 @@ class GridMap:
 
     def elevation(self, z: float) -> float:
         """Elevation on the map, m, of one in the grid, m."""
-        return round(z - self.grid_origin[2] + self.map_origin[2], DECIMALS)
+        return round((z - self.grid_origin[2]) * float(self.turn[2, 2]) + self.map_origin[2], DECIMALS)
 
     def box(self, lower: NDArray, upper: NDArray) -> tuple[NDArray, NDArray]:
         """Corners on the map (3,) m of a box of the grid by its corners (3,) m; only if `keeps_boxes`."""
@@ -206,11 +218,15 @@ SAME_AS_MAP = GridMap()
 
 
 class Fit(NamedTuple):
-    """A grid by common points, and by how much it misses each: in plan and in elevation (point,) m."""
+    """A grid by common points, and by how much it misses each: in plan and in elevation (point,) m.
+
+    fits_mirrored: whether the mirrored grid would do, too, as where points lie on one line.
+    """
 
     map: GridMap
     residual: NDArray
     elevation_residual: NDArray
+    fits_mirrored: bool = False
 
 
 def fit(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> Fit:
@@ -224,11 +240,19 @@ def fit(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> Fit:
     """
     found = _fitted(grid, points, axes)
     if problem := _problem(grid, found):
-        mirrored = axes[::-1]
-        fits = not _problem(grid, _fitted(grid, points, mirrored))
-        hint = f"; with axes: [{', '.join(mirrored)}], mirrored, they fit" if fits else ""
-        raise InputError(f"{problem}{hint}")
-    return found
+        raise InputError(f"{problem}{_hint(grid, points, axes)}")
+    return found._replace(fits_mirrored=not _problem(grid, _fitted(grid, points, axes[1::-1] + axes[2:])))
+
+
+def _hint(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> str:
+    """Clause on other axes with which common points fit: mirrored in plan, or with z down; empty if none do."""
+    plan, vertical = axes[:2], axes[2:]
+    turned = () if vertical == (DOWN,) else (DOWN,)
+    for others, what in ((plan[::-1] + vertical, "mirrored"), (plan + turned, "with z the other way"),
+                         (plan[::-1] + turned, "mirrored, with z the other way")):  # fmt: skip
+        if not _problem(grid, _fitted(grid, points, others)):
+            return f"; with axes: [{', '.join(others)}], {what}, they fit"
+    return ""
 
 
 def _problem(grid: MineGrid, found: Fit) -> str:
@@ -251,7 +275,7 @@ def _problem(grid: MineGrid, found: Fit) -> str:
 def _fitted(grid: MineGrid, points: NDArray, axes: tuple[str, ...]) -> Fit:
     own = np.array([point.grid for point in grid.points], float)
     means = own.mean(axis=0), points.mean(axis=0)
-    directions = np.array([DIRECTIONS[axis] for axis in axes], float).T
+    directions = np.array([DIRECTIONS[axis] for axis in axes[:2]], float).T
     local, there = (own - means[0])[:, :2] @ directions.T, (points - means[1])[:, :2]
     local, there = local @ [1, 1j], there @ [1, 1j]
     similarity = np.sum(local.conj() * there) / np.sum(np.abs(local) ** 2)

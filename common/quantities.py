@@ -16,7 +16,9 @@ def units():
     """The registry of units (imported and built once: that takes most of a second)."""
     import pint
 
-    return pint.UnitRegistry()
+    registry = pint.UnitRegistry()
+    registry.define("@alias survey_foot = us_ft")  # as the keys of units call it
+    return registry
 
 
 def pint_quantity(text: str):

@@ -30,6 +30,7 @@ FACES = ("x_lower", "x_upper", "y_lower", "y_upper", "z_lower", "z_upper")
 MAX_LEVELS = 12  # sizes of cell
 DEFAULT_COARSE_CELL = 10.0  # m; of a mine that gives no size of cell, with this number of levels
 DEFAULT_LEVELS = 4
+MAX_PARTS = 50  # of a solid in a file
 Condition = Literal["fixed", "roller", "traction", "free"]
 Angle = Annotated[float, Unit("deg", ge=0, lt=90)]
 StrengthPart = Annotated[float, Unit("Pa", ge=0, le=1e13)]
@@ -255,6 +256,17 @@ class FileSettings(Settings):
     """Vector that is added to the scaled coordinates."""
 
 
+class PartSettings(FileSettings):
+    """A solid in a file, or a part of it."""
+
+    part: Annotated[tuple[whole_number(ge=1, le=MAX_PARTS), ...], Field(min_length=2, max_length=2), AsTuple] = None
+    """Part of the solid of a file that is meant: [2, 4] is the second of four parts of equal volume, in the order in
+    which they are mined along advance."""
+    advance: Annotated[float, Unit("deg", ge=-360, le=360)] = None
+    """Direction in which the parts follow each other, clockwise from the map's north. Upright planes across it cut the
+    solid."""
+
+
 class _ShapeOrFile(Settings):
     """Base of the model that has the keys of all shapes."""
 
@@ -269,7 +281,7 @@ class _ShapeOrFile(Settings):
             key: " ".join(f"{', '.join(some).capitalize()}: {' '.join(text.split())}." for text, some in texts.items())
             for key, texts in users.items()
         }
-        return FileSettings.meanings() | of_shapes | super().meanings()
+        return PartSettings.meanings() | of_shapes | super().meanings()
 
 
 def _named_shapes() -> dict[type[Settings], str]:
@@ -294,7 +306,11 @@ def _keys_of_shapes() -> dict[str, Any]:
 
 _KEYS: dict[str, Any] = {
     "shape": (Literal[tuple(dict.fromkeys(name for shapes in SHAPES.values() for name in shapes))], None),
-    **{key: (inspect.get_annotations(FileSettings)[key], None) for key in FileSettings.model_fields},
+    **{
+        key: (annotation, None)
+        for model in (FileSettings, PartSettings)
+        for key, annotation in inspect.get_annotations(model).items()
+    },
     **_keys_of_shapes(),
 }
 # Any: its keys are found as the program runs

@@ -107,7 +107,7 @@ def _under_written_keys(mine: Mine, lines: Sequence[str]) -> list[str]:
     """The lines, with those about excavations and steps that excavations_from or schedule makes under its key.
 
     Lines that then differ in the name of the excavation alone become the first of them, which says how many there are.
-    A material that is wrong in a row of a schedule keeps a line of its own.
+    Rows of a schedule with the same wrong material are one line, too.
     """
     source = next((name for name in SOURCES if getattr(mine.settings, name)), None)
     made = {
@@ -122,14 +122,15 @@ def _under_written_keys(mine: Mine, lines: Sequence[str]) -> list[str]:
         if not rest or rest[0] not in made.get(str(section), ()):
             found[line] = [line]
         elif rest[1:] == ["fill"] and rest[0] in rows:
-            found[line] = [f"{rows[str(rest[0])]}: {reason}"]
+            found.setdefault(f"fill: {reason}", []).append(f"{rows[str(rest[0])]}: {reason}")
         elif rest[1:] == ["fill"]:
             found.setdefault(f"excavations_from.fill: {reason}", [f"excavations_from.fill: {reason}"])
         else:
             name = str(rest[0])
             pattern = NUMBER.sub("", reason.replace(name, ""))
             found.setdefault(pattern, []).append(f"{rows.get(name, f'{source}: {name}')}: {reason}")
-    return [f"{same[0]} (and {len(same) - 1} more like it)" if len(same) > 1 else same[0] for same in found.values()]
+    different = (list(dict.fromkeys(same)) for same in found.values())  # parts of a body have one row
+    return [f"{same[0]} (and {len(same) - 1} more like it)" if len(same) > 1 else same[0] for same in different]
 
 
 def _check_name(mine: Mine, _: Mistakes) -> None:

@@ -47,6 +47,7 @@ def on_map(settings: MineSettings) -> OnMap:
         from catalogs.sources.geographic_frame import axes_of_crs  # slow to import
 
         axes = axes_of_crs(frame.crs)
+        _check_unit(frame)
     if frame.grid is None and axes == EAST_NORTH:
         return OnMap(settings)
     _check_has_grid(settings)
@@ -69,6 +70,19 @@ def on_map(settings: MineSettings) -> OnMap:
         raise InputErrors(mistakes.lines)
     given = settings.model_fields_set
     return OnMap(settings.model_copy(update={key: found[key] for key in found if key in given}), text)
+
+
+def _check_unit(frame: Frame) -> None:
+    """Raise InputError for a crs that counts in feet where nothing says in which unit the files do."""
+    from catalogs.sources.geographic_frame import unit_of_crs
+
+    unit = unit_of_crs(frame.crs or "")
+    if unit != "metre" and (frame.grid is None or "units" not in frame.grid.model_fields_set):
+        known = {"US survey foot": "us_ft", "foot": "ft"}.get(unit, "m")
+        raise InputError(
+            f"frame.crs: {frame.crs[:40] if frame.crs else ''}: its unit is the {unit}, and results are in metres; say "
+            f"which unit solids and record have with frame.grid.units: {known}, if they have that of the system"
+        )
 
 
 def _check_has_grid(settings: MineSettings) -> None:
@@ -115,6 +129,9 @@ def _resolved(frame: Frame, axes: tuple[str, ...]) -> tuple[MineGrid, GridMap, s
     if found:
         text += f" It misses its {len(points)} common points by at most {found.residual.max():.3f} m in plan"
         text += f" and {found.elevation_residual.max():.3f} m in elevation." if points.shape[1] == 3 else "."
+        if found.fits_mirrored:
+            text += " They fit the mirrored grid as well, and so do not show a mistake in axes: give one that is off "
+            text += "their line."
     return resolved, grid, text
 
 

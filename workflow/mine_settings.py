@@ -29,6 +29,7 @@ from mpm_core.block_settings import BlockModel
 from mpm_core.constitutive.laws import AnyMaterial
 from mpm_core.insitu_settings import InsituSettings, SymmetricTensor
 from mpm_core.settings import (
+    MAX_PARTS,
     BodySettings,
     DomainSettings,
     FileSettings,
@@ -122,6 +123,18 @@ class ScheduledSolids(FileSettings):
     off or frozen is a body only if the table names it."""
     element: str = None
     """Bodies of an OMF, GOCAD, OBJ or text STL file. `*` stands for any text. Default: all."""
+    parts: whole_number(ge=2, le=MAX_PARTS) = None
+    """Number of parts of equal volume into which advance cuts each body, so that several steps mine it: an even rate
+    from the start to the end of its row, each part in the step in which it ends. Default: a body is one excavation."""
+    advance: Annotated[float, Unit("deg", ge=-360, le=360)] = None
+    """Direction in which bodies are mined, clockwise from the map's north. Needed with parts."""
+
+    @model_validator(mode="after")
+    def _has_direction(self) -> Self:
+        if (self.parts is None) != (self.advance is None):
+            given, missing = ("parts", "advance") if self.advance is None else ("advance", "parts")
+            raise refusal(f"stands without {missing}; give both, or leave both out", given)
+        return self
 
 
 class ScheduleColumns(Settings):

@@ -5,6 +5,7 @@ Excavations are in the order of the bodies in the files, so that moving a date c
 
 import difflib
 import fnmatch
+import itertools
 import logging
 import os
 import re
@@ -21,9 +22,14 @@ from mpm_core.geometry.solid_files import Body, bodies_in
 from workflow.dates import read_date
 from workflow.mine_settings import Excavation, Schedule, ScheduledSolids, Step
 from workflow.schedule_periods import DAY, Period, calendar_periods, first_after, period_of
-from workflow.schedule_table import HISTORY, OPEN, PLANNED, Row, read_rows
+from workflow.schedule_table import HISTORY, OPEN, PLANNED, Row, When, read_rows
 
 NO_LETTER = re.compile("[^A-Za-z0-9_-]")
+LEADING_ZEROS = re.compile(r"(?<!\d)0+(?=\d)")
+MAX_STEPS = 600  # 50 years of months
+MIN_EMPTY_STEPS = 12  # As many steps in a row without mining may come from a wrong year.
+MAX_PAIRS_COMPARED = 100_000  # of rows without a body and bodies without a row; of more, none is the one that is meant
+MADE_DATE = re.compile(r"\d{4}-\d\d-\d\d( [\d:]+)?")
 MAX_NAMED = 5  # Bodies that a note names.
 
 
@@ -52,8 +58,8 @@ class FoundBody:
 
     @property
     def names(self) -> list[str]:
-        """Names by which a table may call it, in small letters."""
-        return [self.body.name.casefold(), *([Path(self.file).stem.casefold()] if self.alone else [])]
+        """Names by which a table may call it, as _plain has them."""
+        return [_plain(self.body.name), *([_plain(Path(self.file).stem)] if self.alone else [])]
 
 
 def make_schedule(schedule: Schedule, folder: Path) -> MadeSchedule:
@@ -71,13 +77,17 @@ def make_schedule(schedule: Schedule, folder: Path) -> MadeSchedule:
     bodies, are_all = _bodies(schedule, folder, made.mistakes)
     if could_read:
         matched = _match(bodies, are_all, rows, _shown(folder, schedule.file), made.mistakes)
-        periods, start = _periods(schedule, [row for row in rows if row.sound], start, end, made.mistakes)
+        days = [day for row in rows if row.sound for day in _ends(row, 1)]
+        days += [day for found, row in matched if row.sound for day in _ends(row, found.entry.parts or 1)]
+        periods, start = _periods(schedule, [row for row in rows if row.sound], days, start, end, made.mistakes)
+        _check_number(schedule, periods, [row for row in rows if row.sound], made.mistakes)
         made.steps = [period.step() for period in periods]
         for found, row in matched:
             if row.sound:
                 with made.mistakes.gather():
-                    _add(made, schedule, found, row, _when_mined(row, periods, start, end), periods)
-        made.notes = _notes([row for _, row in matched if row.sound], periods)
+                    _add(made, schedule, found, row, periods, start, end)
+        made.notes = _notes([row for found, row in matched if row.sound and found.entry.parts is None], periods)
+        made.notes += _notes_on_gaps(made, days)
     return made
 
 
@@ -150,7 +160,7 @@ def _match(
     """
     by_name: dict[str, Row] = {}
     for row in rows:
-        first = by_name.setdefault(row.body.casefold(), row)
+        first = by_name.setdefault(_plain(row.body), row)
         if first is not row:
             mistakes.add(f"{row.where}: this body has a row already (row {first.number}); leave one out")
     matched: list[tuple[FoundBody, Row]] = []
@@ -169,10 +179,14 @@ def _match(
             called.add(name)
             matched.append((one, by_name[name]))
     strangers = [row for name, row in by_name.items() if are_all and name not in called]
-    near_bodies = {name: one.body.name for one in without_row for name in one.names}
+    is_few = len(strangers) * len(without_row) <= MAX_PAIRS_COMPARED
+    near_bodies = {name: one.body.name for one in without_row for name in one.names if is_few}
     for row in strangers:
-        mistakes.add(f"{row.where}: no body of the solids has this name{_near(row.body, near_bodies)}")
-    near_rows = {row.body.casefold(): row.body for row in strangers}
+        remedy = _near(row.body, near_bodies)
+        if MADE_DATE.fullmatch(row.body):
+            remedy = "; a program has made a date of it: let the column be text, and write the name again"
+        mistakes.add(f"{row.where}: no body of the solids has this name{remedy}")
+    near_rows = {_plain(row.body): row.body for row in strangers if is_few}
     for one in without_row:
         remedy = _near(one.body.name, near_rows) or f"; add one, with {PLANNED} as its end if it has no date yet"
         mistakes.add(f"schedule.solids: {one.path}: {one.body.name}: has no row in {table}{remedy}")
@@ -188,26 +202,47 @@ def _in_row(row: Row) -> Iterator[None]:
         raise InputErrors(f"{row.where}: {line}" for line in error.lines) from error
 
 
+def _plain(name: str) -> str:
+    """A name as names are compared: in small letters, with single blanks between words and none around them."""
+    return " ".join(name.split()).casefold()
+
+
 def _near(name: str, others: Mapping[str, str]) -> str:
-    """A question for the most similar of the others, by their names in small letters; empty if none is similar."""
-    near = difflib.get_close_matches(name.casefold(), others, n=1, cutoff=0.8)
+    """A question for the most similar of the others, by their names as _plain has them; empty if none is similar.
+
+    Names that differ in leading zeros alone, which spreadsheets drop, are the most similar.
+    """
+    near = [other for other in others if LEADING_ZEROS.sub("", other) == LEADING_ZEROS.sub("", _plain(name))]
+    near = near or difflib.get_close_matches(_plain(name), others, n=1, cutoff=0.8)
     return f"; did you mean {others[near[0]]}?" if near else ""
 
 
 def _periods(
     schedule: Schedule,
     rows: Sequence[Row],
+    days: Sequence[pd.Timestamp],
     start: pd.Timestamp | None,
     end: pd.Timestamp | None,
     mistakes: Mistakes,
 ) -> tuple[list[Period], pd.Timestamp | None]:
-    """The periods of a schedule, and the day before which all is history."""
-    days = [row.last for row in rows if isinstance(row.last, pd.Timestamp)]
+    """The periods of a schedule, and the day before which all is history. days: on which a body or a part ends."""
     if schedule.period == "table":
         periods = list(_table_periods(rows, start, end, mistakes))
     else:
         periods = calendar_periods(schedule.period, days, start, end)
     return periods, start if start is not None or not periods else periods[0].start
+
+
+def _check_number(schedule: Schedule, periods: Sequence[Period], rows: Sequence[Row], mistakes: Mistakes) -> None:
+    """Add a line on more steps than a mine has: a year is wrong then."""
+    if len(periods) <= MAX_STEPS:
+        return
+    dated = sorted((row for row in rows if isinstance(row.last, pd.Timestamp)), key=lambda row: str(row.last))
+    ends = " to ".join(f"{row.last:%Y-%m-%d} (row {row.number}: {row.body})" for row in (dated[0], dated[-1]))
+    mistakes.add(
+        f"schedule.period: {schedule.period}: makes {len(periods)} steps, and {MAX_STEPS} are possible; bodies end "
+        f"from {ends}: correct a date, or give start and end"
+    )
 
 
 def _table_periods(
@@ -248,29 +283,57 @@ def _table_periods(
         before = row if before is None or row.last > before.last else before
 
 
-def _when_mined(row: Row, periods: Sequence[Period], start: pd.Timestamp | None, end: pd.Timestamp | None) -> str:
-    """Name of the step in which a row's body is mined: that in which it ends."""
+def _ends(row: Row, parts: int) -> list[pd.Timestamp]:
+    """Last day of mining of each part of a row's body, which are mined at an even rate; all on the last day of one
+    without a start; none of one that has no dates."""
     if not isinstance(row.last, pd.Timestamp):
-        return str(row.last)
-    if start is not None and row.last < start:
+        return []
+    first = row.last if row.start is None else row.start
+    days = (row.last - first).days + 1
+    return [first + DAY * (-(-number * days // parts) - 1) for number in range(1, parts + 1)]
+
+
+def _when_mined(last: When, periods: Sequence[Period], start: pd.Timestamp | None, end: pd.Timestamp | None) -> str:
+    """Name of the step in which a body or a part is mined: that in which it ends."""
+    if not isinstance(last, pd.Timestamp):
+        return str(last)
+    if start is not None and last < start:
         return HISTORY
-    period = period_of(row.last, periods)
+    period = period_of(last, periods)
     return PLANNED if period is None else period.name
 
 
 def _add(
-    made: MadeSchedule, schedule: Schedule, found: FoundBody, row: Row, step: str, periods: Sequence[Period]
+    made: MadeSchedule,
+    schedule: Schedule,
+    found: FoundBody,
+    row: Row,
+    periods: Sequence[Period],
+    start: pd.Timestamp | None,
+    end: pd.Timestamp | None,
 ) -> None:
-    """Add the excavation of a body. Raises InputErrors for one that cannot be."""
-    name = NO_LETTER.sub("_", found.body.name if found.body.name.casefold() == row.body.casefold() else row.body)
-    solids = {key: value for key, value in found.entry.given().items() if key not in ("file", "layer", "element")}
-    entry = {"name": name, "step": step, "file": found.file, **found.body.keys, **solids}
+    """Add the excavation of a body, or those of its parts. Raises InputErrors for one that cannot be."""
+    body = NO_LETTER.sub("_", found.body.name.strip() if _plain(found.body.name) == _plain(row.body) else row.body)
+    body = body.lstrip("_-") or body  # the first of a name is a letter or digit
+    own = ("file", "layer", "element", "parts", "advance")
+    solids = {key: value for key, value in found.entry.given().items() if key not in own}
     material = row.material or (schedule.fill if row.filled is not None else None)
-    if material and material.casefold() != OPEN:
-        entry |= {"fill": material, "filled": _when_filled(row, step, periods)}
-    with _in_row(row):
-        made.excavations.append(Excavation.of(entry))
-    made.rows[name] = row.where
+    step = _when_mined(row.last, periods, start, end)
+    parts = found.entry.parts
+    if parts and row.start is None and isinstance(row.last, pd.Timestamp):
+        raise InputError(
+            f"{row.where}: has no start; solids with parts are mined from the start to the end of their row"
+        )
+    for number, last in enumerate(_ends(row, parts or 1) or [row.last] * (parts or 1), 1):
+        name = f"{body}_{number}" if parts else body
+        part: dict[str, Any] = {"part": [number, parts], "advance": found.entry.advance} if parts else {}
+        entry: dict[str, Any] = {"name": name, "step": _when_mined(last, periods, start, end), "file": found.file}
+        entry |= {**found.body.keys, **solids, **part}
+        if material and material.casefold() != OPEN:
+            entry |= {"fill": material, "filled": _when_filled(row, step, periods)}
+        with _in_row(row):
+            made.excavations.append(Excavation.of(entry))
+        made.rows[name] = row.where
 
 
 def _when_filled(row: Row, step: str, periods: Sequence[Period]) -> str:
@@ -297,5 +360,24 @@ def _notes(rows: Sequence[Row], periods: Sequence[Period]) -> list[str]:
     more = f" and {len(across) - MAX_NAMED} more" if len(across) > MAX_NAMED else ""
     listed = f"{', '.join(across[:MAX_NAMED])}{more}"
     note = f"schedule: bodies that begin before the step in which they end are mined in that step: {listed}"
+    note += "; schedule.solids.parts divides them"
     logging.info(note)
     return [note]
+
+
+def _notes_on_gaps(made: MadeSchedule, days: Sequence[pd.Timestamp]) -> list[str]:
+    """Sentences on many steps in a row without mining, and on a time in which no body ends."""
+    notes = []
+    if days and not made.steps:
+        notes.append("schedule: no body ends between schedule.start and schedule.end, so that there are no steps")
+    mined = {entry.step for entry in made.excavations}
+    for is_mined, group in itertools.groupby(made.steps, key=lambda step: step.name in mined):
+        names = [step.name for step in group]
+        if not is_mined and len(names) >= MIN_EMPTY_STEPS:
+            notes.append(
+                f"schedule: nothing is mined in {len(names)} steps in a row, {names[0]} to {names[-1]}; correct the "
+                "dates if a year is wrong"
+            )
+    for note in notes:
+        logging.info(note)
+    return notes

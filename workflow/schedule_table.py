@@ -1,5 +1,6 @@
 """The rows of a schedule, from a CSV or an Excel file. Each mistake is a line with its row and body."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import pandas as pd
 
 from catalogs.records.csv_table import Table, read_table
 from catalogs.records.excel_sheets import is_workbook
-from catalogs.records.times import parse_times
+from catalogs.records.times import PATTERN, parse_times
 from common.errors import InputError, Mistakes
 from workflow.mine_settings import Schedule, ScheduleColumns
 from workflow.schedule_periods import DAY
@@ -18,6 +19,9 @@ from workflow.schedule_periods import DAY
 HISTORY, PLANNED, OPEN = "history", "planned", "none"
 WORDS = (HISTORY, PLANNED)  # in place of a date
 DATED = ("start", "end", "filled")  # keys of the columns that hold dates
+MAX_MONTH = 12
+MIN_DATES_COMPARED = 5  # Days of fewer dates may all be up to MAX_MONTH by chance.
+NUMBER_OF_DAY = re.compile(r"[3-6]\d{4}(\.\d+)?")  # days since 1900 of this century and the last one's end
 MAX_SHOWN = 40  # Characters of a cell in a message.
 
 When: TypeAlias = "pd.Timestamp | str | None"  # a day, one of WORDS, or nothing
@@ -54,7 +58,8 @@ def read_rows(schedule: Schedule, path: Path, mistakes: Mistakes) -> list[Row]:
     table = _table(schedule, path, {names[key]: f"schedule.columns.{key}" for key in names if key in needed})
     names = {key: name for key, name in names.items() if name in table.rows}
     cells = {key: table.rows[name].fillna("").str.strip() for key, name in names.items()}
-    cells |= {key: table.text(names[key]) for key in DATED if key in names} | {"body": table.words(names["body"])}
+    cells |= {key: table.text(names[key]) for key in DATED if key in names}
+    table.words(names["body"])  # letters of a known encoding
     times = _times(schedule, cells, table.source, mistakes)
     rows = []
     for number, body in enumerate(cells["body"]):
@@ -81,7 +86,7 @@ def _table(schedule: Schedule, path: Path, named: Mapping[str, str]) -> Table:
     try:
         if schedule.sheet is not None and not is_workbook(path):
             raise InputError(f"{path}: a CSV file has no sheets; leave schedule.sheet out")
-        return read_table(path, named, (), has_keys=False, sheet=schedule.sheet)
+        return read_table(path, named, (), has_keys=False, sheet=schedule.sheet, has_comments=False)
     except InputError as error:
         raise InputError(f"schedule.file: {error}") from error
 
@@ -91,8 +96,11 @@ def _times(
 ) -> dict[str, np.ndarray]:
     """Times of the columns of dates, by key, NaT for a cell that is no date; empty, and a line, where the order of day
     and month cannot be told."""
-    text = {key: cells[key] for key in DATED if key in cells}
+    text = {key: cells[key].map(_without_offset) for key in DATED if key in cells}
     together = pd.concat(text.values(), ignore_index=True)
+    if line := _exchanged(together):
+        mistakes.add(f"schedule.file: {source}: {line}")
+        return {}
     try:
         times, _ = parse_times(together, schedule.date_order, None, source)
     except InputError as error:
@@ -102,6 +110,32 @@ def _times(
             return {}
         times = np.array([_time(cell, schedule.date_order) for cell in together])  # one of them is not possible
     return dict(zip(text, np.split(times, len(text)), strict=True))
+
+
+def _without_offset(cell: str) -> str:
+    """A date and time without its offset from UTC: the day of a schedule is that of the mine's clock."""
+    found = PATTERN.fullmatch(cell)
+    if found is None or found["hour"] is None or not (found["sign"] or found["zulu"]):
+        return cell
+    return re.sub(r"\s*\(?(?:UTC|GMT)?$", "", cell[: found.start("sign" if found["sign"] else "zulu")], flags=re.I)
+
+
+def _exchanged(cells: pd.Series) -> str:
+    """Line on dates in which a program seems to have exchanged day and month; empty without.
+
+    A program that reads 03/04/2024 the other way makes a date of it, and leaves 13/04/2024 as text.
+    """
+    found = [match for cell in cells if (match := PATTERN.fullmatch(cell))]
+    text = [match for match in found if match["first"] and match["second"].isdigit()]
+    made = [match for match in found if match["year"] and match["mark"] == "-"]
+    if len(made) < MIN_DATES_COMPARED or not text or any(int(match["day"]) > MAX_MONTH for match in made):
+        return ""
+    if any(max(int(match["first"]), int(match["second"])) <= MAX_MONTH for match in text):
+        return ""
+    return (
+        f"dates such as {text[0][0]} are text, and all {len(made)} others, such as {made[0][0][:10]}, have days up to "
+        f"{MAX_MONTH}: a program may have exchanged day and month in these; write all dates as 2024-03-31"
+    )
 
 
 def _time(cell: str, order: str | None) -> np.datetime64:
@@ -121,6 +155,8 @@ def _when(where: str, cell: str, time: np.datetime64, key: str) -> When:
     if not cell:
         return None
     words = "" if key == "start" else f", or {HISTORY} or {PLANNED}"
+    if NUMBER_OF_DAY.fullmatch(cell):
+        words += f" ({cell} may be the number of a day in a spreadsheet: let the cell be a date)"
     raise InputError(f"{where}: {cell[:MAX_SHOWN]!r} is no date; write it as 2024-03-31{words}")
 
 
@@ -143,6 +179,8 @@ def _contradictions(row: Row, schedule: Schedule, names: Mapping[str, str]) -> l
         found.append(
             f"is filled on {row.filled:%Y-%m-%d}, before mining ends on {row.last:%Y-%m-%d}; correct the dates"
         )
+    if row.last == PLANNED and isinstance(row.filled, pd.Timestamp):
+        found.append(f"is filled on {row.filled:%Y-%m-%d}, but its mining is {PLANNED}; give the date of its end")
     if row.filled == HISTORY and row.last != HISTORY:
         found.append(f"is filled in {HISTORY} but not mined in it; give the date of the fill")
     if row.filled is not None and row.material.casefold() == OPEN:

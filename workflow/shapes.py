@@ -9,7 +9,7 @@ from common.errors import InputError, Mistakes
 from mpm_core.geometry.shapes import Shape, checked, shape_model, shape_of
 from mpm_core.geometry.shapes.prism import DrawnPrism
 from mpm_core.scene.scene_solids import exchanged_hint
-from mpm_core.settings import FileSettings, ShapeSettings
+from mpm_core.settings import FileSettings, PartSettings, ShapeSettings
 from workflow.mine import SHAPE_KEYS, Mine, shape_keys
 from workflow.mine_settings import Excavation
 
@@ -55,10 +55,22 @@ def check_form(mine: Mine, where: str, solid: ShapeSettings) -> Shape | None:
         drawn = {key: value for key, value in shape_keys(solid).items() if key in prism_keys}
         checked(DrawnPrism.of(drawn, where), mine.dimension, where)
     else:
-        _check_keys(where, "file", given, set(FileSettings.model_fields))
+        _check_keys(where, "file", given, set(PartSettings.model_fields))
+        _check_part(where, solid)
     if not is_file(mine.path(solid.file)):
         raise InputError(f"{where}.file: {mine.path(solid.file)} is missing; paths resolve from {mine.folder}")
     return None
+
+
+def _check_part(where: str, solid: ShapeSettings) -> None:
+    """Raise InputError for a part without a direction, or a direction without a part, and for a part that is none."""
+    if (solid.part is None) != (solid.advance is None):
+        given, missing = ("part", "advance") if solid.advance is None else ("advance", "part")
+        raise InputError(f"{where}.{given}: stands without {missing}; give both, or leave both out")
+    if solid.part is not None and solid.part[0] > solid.part[1]:
+        raise InputError(
+            f"{where}.part: part {solid.part[0]} of {solid.part[1]}; give its number, then how many there are"
+        )
 
 
 def is_file(path) -> bool:

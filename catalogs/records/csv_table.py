@@ -32,6 +32,8 @@ NUMBER_PATTERNS = {  # by decimal mark; the other one may stand between thousand
     "point": r"[-+]?(?:(?:[1-9]\d{0,2}(?:,\d{3})+|\d+)\.?\d*|\.\d+)(?:[eE][-+]?\d+)?",
     "comma": r"[-+]?(?:(?:[1-9]\d{0,2}(?:\.\d{3})+|\d+),?\d*|,\d+)(?:[eE][-+]?\d+)?",
 }
+# A quoted cell of several lines; quotation marks within other cells, such as inches, begin none.
+BROKEN_CELL = re.compile(r'(?:(?<=[,;\t|])|^)"(?:[^"\n]|"")*\n(?:[^"]|"")*"(?=[,;\t|\r\n]|\Z)', re.MULTILINE)
 BYTE_ORDER_MARKS = {  # first bytes of texts that say their encoding; those of UTF-32 begin as those of UTF-16 do
     "utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
     "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
@@ -157,19 +159,21 @@ def read_table(
     encoding: str | None = None,
     has_keys: bool = True,
     sheet: str | None = None,
+    has_comments: bool = True,
 ) -> Table:
     """The table of a CSV file that has the columns `named` (by the key that names each); `numeric` hold numbers.
 
     sheet: of a workbook, which is read as a CSV file with decimal points is; None: the first.
 
-    Lines that begin with # are comments, but for a header (FDSN's text has one). A header without a row is a record
-    without an event. has_keys: whether the user can answer questions with keys of `record`. Raises InputError, one
-    line: not readable, not text, in an encoding that is not known where that counts, columns missing or there twice.
+    Lines that begin with # are comments, but for a header (FDSN's text has one); without has_comments they are rows. A
+    header without a row is a record without an event. has_keys: whether the user can answer questions with keys of
+    `record`. Raises InputError, one line: not readable, not text, in an encoding that is not known where that counts,
+    columns missing or there twice.
     """
     if is_workbook(path):
-        return table_of(sheet_text(path, sheet), True, path, named, numeric, "point", has_keys)
+        return table_of(sheet_text(path, sheet), True, path, named, numeric, "point", has_keys, has_comments)
     text, sure = _decoded(path, encoding, has_keys)
-    return table_of(text, sure, path, named, numeric, decimal, has_keys)
+    return table_of(text, sure, path, named, numeric, decimal, has_keys, has_comments)
 
 
 def table_of(
@@ -180,9 +184,11 @@ def table_of(
     numeric: Iterable[str] = (),
     decimal: str | None = None,
     has_keys: bool = False,
+    has_comments: bool = True,
 ) -> Table:
     """The table of the text of a CSV file, which `path` names in messages; sure: whether its encoding is known. Other
     arguments and errors are those of read_table."""
+    text = BROKEN_CELL.sub(lambda cell: " ".join(cell[0].split()), text)
     lines = [line for line in text.splitlines() if line.strip(" \t\r,;|")]
     if all(line.startswith("#") for line in lines):
         raise InputError(f"{path}: not a readable CSV file (it is empty); give a table with a header")
@@ -197,7 +203,7 @@ def table_of(
     for name in named:
         if header.count(name) > 1:
             raise InputError(f"{path}: column {name!r} is there {header.count(name)} times; name each its own way")
-    body = "\n".join(line for line in lines[place + 1 :] if not line.startswith("#"))
+    body = "\n".join(line for line in lines[place + 1 :] if not (has_comments and line.startswith("#")))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # a row with more cells than names

@@ -66,7 +66,7 @@ def axes_of_crs(text: str) -> tuple[str, ...]:
 
     They are the system's own, in its order, where one of them is west or south. Of a system with east and north they
     are these, whichever comes first: nearly all programs write x east and y north, whatever a system's order is.
-    Raises InputError for what is no projected system in metres, and for axes in no direction of the compass.
+    Raises InputError for what is no projected system, and for axes in no direction of the compass.
     """
     found = _directions(_parse_crs(text))
     return EAST_NORTH if set(found) == set(EAST_NORTH) else found
@@ -93,12 +93,39 @@ def _transformed(transformer: Transformer, first: NDArray, second: NDArray) -> t
         ) from error
 
 
-def _parse_crs(text: str | int) -> CRS:
+def _from_text(text: str | int) -> CRS:
     try:
-        projection = CRS.from_user_input(int(text) if str(text).isdigit() else text)
+        return CRS.from_user_input(int(text) if str(text).isdigit() else text)
     except CRSError as error:
         raise InputError(f"frame.crs: {str(text)[:60]!r} is neither an EPSG code nor WKT") from error
-    units = {axis.unit_name for axis in projection.axis_info[:2]}
-    if not projection.is_projected or units != {"metre"}:
-        raise InputError(f"frame.crs: {projection.name}: expected a projected system in metres, not {', '.join(units)}")
-    return projection
+
+
+def _parse_crs(text: str | int) -> CRS:
+    """The system in metres. Raises InputError for what is no projected system."""
+    projection = _from_text(text)
+    units = unit_of(projection)
+    if not projection.is_projected:
+        kind = projection.type_name.removesuffix(" CRS").lower()
+        raise InputError(f"frame.crs: {projection.name}: expected a projected system, not a {kind} one ({units})")
+    return projection if units == "metre" else _in_metres(projection, units)
+
+
+def unit_of(projection: CRS) -> str:
+    """Name of the unit of a system's first two axes, or names."""
+    return ", ".join(sorted({axis.unit_name for axis in projection.axis_info[:2]}))
+
+
+def unit_of_crs(text: str) -> str:
+    """Name of the unit of a system that a mine file names, such as metre or US survey foot. Raises InputError."""
+    return unit_of(_from_text(text))
+
+
+def _in_metres(projection: CRS, units: str) -> CRS:
+    """The same projection with axes in metres. Raises InputError for a system of several parts."""
+    system = projection.to_json_dict()
+    if system["type"] != "ProjectedCRS":
+        raise InputError(f"frame.crs: {projection.name}: expected a projected system in metres, not {units}")
+    for axis in system["coordinate_system"]["axis"]:
+        axis["unit"] = "metre"
+    system.pop("id", None)  # it is that of the system in feet
+    return CRS.from_json_dict(system)

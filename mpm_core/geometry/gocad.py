@@ -27,14 +27,13 @@ class Surface:
     """Row of `vertices` by identifier."""
     vertices: list[list[str]] = field(default_factory=list)
     facets: list[list[int]] = field(default_factory=list)
-    is_downward: bool = False
-    """True where z counts downward."""
+    is_downward: bool | None = None
+    """True where z counts downward; None where the file does not say so."""
 
     def mesh(self) -> Mesh:
-        """Vertices (v, 3), z upward, and triangles (f, 3), which turn round as z does."""
+        """Vertices (v, 3) and triangles (f, 3) as they are written."""
         vertices = np.array(self.vertices, dtype=np.float64).reshape(-1, 3)
-        facets = np.array(self.facets, dtype=np.int64).reshape(-1, 3)
-        return (vertices * [1.0, 1.0, -1.0], facets[:, ::-1]) if self.is_downward else (vertices, facets)
+        return vertices, np.array(self.facets, dtype=np.int64).reshape(-1, 3)
 
     def place(self, identifier: str) -> int:
         """Row of the vertex of an identifier. Raises InputError for one that is not there."""
@@ -45,10 +44,19 @@ class Surface:
         return self.places[identifier]
 
 
-def read_gocad(path: Path, element: str | None = None) -> tuple[Mesh, float | None]:
-    """The surfaces of the name `element` of a GOCAD file, and metres of their unit (meshes.stated_unit)."""
+def read_gocad(path: Path, element: str | None = None, is_downward: bool = False) -> tuple[Mesh, float | None]:
+    """The surfaces of the name `element` of a GOCAD file, and metres of their unit (meshes.stated_unit).
+
+    is_downward: whether z is to count downward. Triangles turn round as z does; where the file does not say how z
+    counts, it counts so already.
+    """
     surfaces, unit = _parsed_gocad(path)
-    return join(choose(surfaces, element, "element")), unit
+    chosen = choose(surfaces, element, "element")
+    return join([_turned(*one) if stated not in (None, is_downward) else one for one, stated in chosen]), unit
+
+
+def _turned(vertices: np.ndarray, facets: np.ndarray) -> Mesh:
+    return vertices * [1.0, 1.0, -1.0], facets[:, ::-1]
 
 
 def gocad_names(path: Path) -> list[str]:
@@ -58,10 +66,12 @@ def gocad_names(path: Path) -> list[str]:
 
 
 @parsed_once(8)
-def _parsed_gocad(path: Path) -> tuple[dict[str, list[Mesh]], float | None]:
-    """Surfaces of a file by name, and metres of its unit. Raises InputError for a file without a TSurf, one that is cut
-    off, and one that states several units."""
-    surfaces: dict[str, list[Mesh]] = {}
+def _parsed_gocad(path: Path) -> tuple[dict[str, list[tuple[Mesh, bool | None]]], float | None]:
+    """Surfaces of a file by name, each with whether z counts downward, and metres of its unit.
+
+    Raises InputError for a file without a TSurf, one that is cut off, and one that states several units.
+    """
+    surfaces: dict[str, list[tuple[Mesh, bool | None]]] = {}
     units: dict[float, str] = {}
     kinds: list[str] = []
     surface: Surface | None = None
@@ -77,7 +87,7 @@ def _parsed_gocad(path: Path) -> tuple[dict[str, list[Mesh]], float | None]:
                 is_open, surface = True, Surface() if kinds[-1].lower() == "tsurf" else None
             elif key == "END":
                 if surface is not None and surface.facets:
-                    surfaces.setdefault(surface.name, []).append(surface.mesh())
+                    surfaces.setdefault(surface.name, []).append((surface.mesh(), surface.is_downward))
                 is_open, surface = False, None
             elif surface is None:
                 continue

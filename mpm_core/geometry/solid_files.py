@@ -27,6 +27,7 @@ from mpm_core.geometry.meshes import (
 from mpm_core.geometry.omf_files import omf_names, read_omf
 from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
+from mpm_core.geometry.parts import part_of
 from mpm_core.geometry.solids import Solid, unique_rows
 
 METRES_PER_UNIT = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, **GRID_UNITS, "inch": 0.0254}
@@ -51,6 +52,10 @@ class Picked:
     scale: float = 1.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     """m"""
+    part: tuple[int, int] | None = None
+    """number and count of the parts of equal volume, in the order in which they are mined; None: the whole solid"""
+    advance: float = 0.0
+    """direction in which parts are mined, degrees clockwise from the map's north"""
     grid: GridMap = SAME_AS_MAP
     """grid of the coordinates, by default that of the map"""
 
@@ -58,8 +63,8 @@ class Picked:
     def of(cls, entry: dict, grid: GridMap | None = None) -> "Picked":
         """The choice that the keys of an excavation or rock body make; grid: of its coordinates, if not the map's."""
         given = {key: entry[key] for key in cls.__dataclass_fields__ if key in entry and key != "grid"}
-        offset = {"offset": tuple(given["offset"])} if "offset" in given else {}  # as a hashable value
-        return cls(**given | offset, grid=grid or SAME_AS_MAP)
+        given |= {key: tuple(given[key]) for key in ("offset", "part") if key in given}  # hashable
+        return cls(**given, grid=grid or SAME_AS_MAP)
 
     def place(self, vertices: np.ndarray, own_unit: float | None = None) -> np.ndarray:
         """Vertices (v, 3) of a file on the map, m; own_unit: metres of the unit that the file names, if any, or NaN.
@@ -93,7 +98,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
         ".ply": lambda: (read_ply(path), None),
         ".dxf": lambda: _read_dxf(path, picked.layer),
         ".omf": lambda: read_omf(path, picked.element),
-        ".ts": lambda: read_gocad(path, picked.element),
+        ".ts": lambda: read_gocad(path, picked.element, picked.grid.is_downward),
     }
     ending = path.suffix.lower()
     if ending not in readers:
@@ -135,7 +140,17 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
                 f"{message}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}"
             )
         logging.warning("%s; %.4g m3 are used: %s", message, solid.volume, SURFACE_REMEDY)
-    return solid
+    return _part(path, solid, picked)
+
+
+def _part(path: Path, solid: Solid, picked: Picked) -> Solid:
+    """The part of a solid that is meant."""
+    if picked.part is None:
+        return solid
+    try:
+        return part_of(solid, *picked.part, picked.advance)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -162,7 +177,11 @@ def bodies_in(path: Path) -> list[Body]:
         return [Body(name, {"layer": name}, hidden) for name, hidden in layers.items()]
     if ending not in of_elements:
         raise InputError(f"{path}: not one of the formats .dxf, {', '.join(of_elements)}: export it as one of these")
-    names = [name for name in _read(path, "", lambda: of_elements[ending](path)) if name]
+    names = _read(path, "", lambda: of_elements[ending](path))
+    unnamed = sum(not name.strip() for name in names)
+    if unnamed and len(names) > 1:
+        raise InputError(f"{path}: {unnamed} of {len(names)} bodies have no name: name them, and export it again")
+    names = [name for name in names if name.strip()]
     return [Body(name, {"element": name}) for name in names] or [Body(path.stem, {})]
 
 

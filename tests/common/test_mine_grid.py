@@ -173,7 +173,9 @@ def test_points_in_other_units_are_refused():
 @pytest.mark.parametrize(
     ("grid", "line"),
     [
-        ({"axes": ["east", "nort"]}, r"^axes\[1\]: 'nort' is not one of east, north, west, south$"),
+        ({"axes": ["east", "nort"]}, r"^axes\[1\]: 'nort' is not one of east, north, west, south, up, down$"),
+        ({"axes": ["east", "down"]}, r"^axes: give the directions of x and y in plan, then up or down as that of z"),
+        ({"axes": ["east", "north", "west"]}, r"^axes: give the directions of x and y in plan, then up or down as"),
         ({"axes": ["east", "west"]}, r"^axes: east and west are on one line; give one of east, west and one of"),
         ({"axes": ["east"]}, r"^axes: .* is too short; give at least 2$"),
         ({"angle": "32"}, r"^angle: '32' has no unit"),

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
+from common.mine_grid import GridMap
 from mpm_core.geometry import Solid, build_shape, read_solid
 from mpm_core.geometry.gocad import read_gocad
 from mpm_core.geometry.solid_files import bodies_in
@@ -49,6 +50,18 @@ def test_a_surface_is_read_as_it_was_written(tmp_path, mesh, first, is_downward)
     np.testing.assert_array_equal(found, vertices)
     np.testing.assert_array_equal(corners, facets)
     assert unit == 1.0
+
+
+@pytest.mark.parametrize("positive", ["Depth", "Elevation", None])
+def test_what_a_file_states_counts_in_a_grid_whose_z_runs_down(tmp_path, positive):
+    """Depths are coordinates of such a grid as they are; elevations change their sign; else the file has the grid's."""
+    path = tmp_path / "stope.ts"
+    down = Solid("d", BOX.vertices * [1, 1, -1], BOX.facets[:, ::-1])
+    system = "" if positive is None else SYSTEM.format(unit="m m m", positive=positive)
+    write_gocad(path, {"stope": BOX if positive == "Elevation" else down}, system=system)
+    solid = read_solid(path, "stope", grid=GridMap(axes=("east", "north", "down")))
+    np.testing.assert_array_equal(solid.bounds, BOX.bounds)
+    assert solid.signed_volume == pytest.approx(64)
 
 
 def test_depths_make_a_solid_that_is_not_inside_out(tmp_path, caplog):

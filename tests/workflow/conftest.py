@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from scheduled_mines import lines_of_mistakes, scheduled_mine  # noqa: F401
 from stand_ins import LEAVE_EMPTY, program
 from tiny_mines import TINY, changed, merged, snakemake, write_mine
 

@@ -65,12 +65,15 @@ class Writer:
     unit: str = "m"
     metres: float = 1.0
     scale: float = 1.0
+    up: float = 1.0
+    """-1 where z counts downward"""
 
     def numbers(self, places) -> np.ndarray:
         """Local places (..., 2 or 3) m in the grid, in its unit."""
         own = np.asarray(places, float)
         own = own - np.array(self.origin)[: own.shape[-1]]
         own[..., :2] = own[..., :2] @ self.axes.T / self.scale
+        own[..., 2:] *= self.up
         return own / self.metres
 
     def texts(self, places):
@@ -90,15 +93,23 @@ class Writer:
     def level(self, z: float) -> str:
         return self.texts([0.0, 0.0, z])[2]
 
+    def levels(self, **elevations) -> dict:
+        """Lower and upper elevations by their keys; what is lower counts more where z counts downward."""
+        texts = {
+            key: self.level(z) if isinstance(z, float) else [self.level(one) for one in z]
+            for key, z in elevations.items()
+        }
+        return texts if self.up > 0 else dict(zip(texts, reversed(texts.values()), strict=True))
+
     def components(self, values, unit: str) -> dict:
-        turn = np.eye(3)
+        turn = np.diag([1.0, 1.0, self.up])
         turn[:2, :2] = self.axes
         own = turn @ tensor_from_voigt(values) @ turn.T
         names = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
         return {name: f"{float(own[place])!r} {unit}" if unit else float(own[place]) for name, place in names.items()}
 
     def vector(self, values) -> list[str]:
-        return [f"{one!r} N" for one in [*(self.axes @ values[:2]).tolist(), float(values[2])]]
+        return [f"{one!r} N" for one in [*(self.axes @ values[:2]).tolist(), self.up * float(values[2])]]
 
 
 def mine_of(writer: Writer, folder, boxes: bool = False) -> dict:
@@ -108,10 +119,10 @@ def mine_of(writer: Writer, folder, boxes: bool = False) -> dict:
     """
     folder.mkdir(parents=True, exist_ok=True)
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in writer.numbers(CORNERS).tolist()]
-    turned = FACETS if np.linalg.det(writer.axes) > 0 else FACETS[:, ::-1]
+    turned = FACETS if np.linalg.det(writer.axes) * writer.up > 0 else FACETS[:, ::-1]
     (folder / "body.obj").write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in turned + 1), ""]))
     drawing = ezdxf.new()
-    drawing.units = {"m": 6, "ft": 2, "survey_foot": 21}[writer.unit]
+    drawing.units = {"m": 6, "ft": 2, "survey_foot": 21, "us_ft": 21}[writer.unit]
     corners = writer.numbers([[60.0, 60.0, 40.0], [66.0, 60.0, 40.0], [66.0, 68.0, 40.0]])
     line = drawing.modelspace().add_polyline3d(corners.tolist(), dxfattribs={"layer": "ROOM"})
     line.close(True)
@@ -121,7 +132,7 @@ def mine_of(writer: Writer, folder, boxes: bool = False) -> dict:
     own.assign(size=-2.0).to_csv(folder / "record.csv", index=False, float_format="%.12g")
     outline = [[24.0, 24.0], [34.0, 24.0], [34.0, 30.0], [28.0, 34.0]]
     square = [[30.0, 40.0], [45.0, 40.0], [45.0, 55.0], [30.0, 55.0]]
-    levels = {"lower": writer.level(30.0), "upper": writer.level(36.0)}
+    levels = writer.levels(lower=30.0, upper=36.0)
     mine = {key: copy.deepcopy(TINY[key]) for key in ("name", "materials", "steps", "solver", "seismic", "comparison")}
     mine |= {
         "grid_convergence": False,
@@ -141,12 +152,11 @@ def mine_of(writer: Writer, folder, boxes: bool = False) -> dict:
              "center": writer.texts([30.0, 65, 40])},
             {"name": "slab", "step": "history", "shape": "prism", "polygon": writer.texts(outline), **levels},
             {"name": "ramp", "step": "history", "shape": "prism", "polygon": writer.texts(outline),
-             "base": [writer.level(z) for z in (50.0, 51.0, 52.0, 50.0)],
-             "top": [writer.level(z) for z in (54.0, 55.0, 56.0, 55.0)]},
+             **writer.levels(base=[50.0, 51.0, 52.0, 50.0], top=[54.0, 55.0, 56.0, 55.0])},
             {"name": "body", "step": "2019-08", "file": "body.obj"},
             {"name": "room", "step": "2019-08", "shape": "prism", "file": "room.dxf", "layer": "ROOM", "height": "4 m"},
             {"name": "stope", "step": "2019-08", "shape": "prism", "polygon": writer.texts(square),
-             "lower": writer.level(25.0), "upper": writer.level(50.0), "fill": "fill"},
+             **writer.levels(lower=25.0, upper=50.0), "fill": "fill"},
         ],
         "rock_bodies": [
             {"name": "dyke", "material": "fill", "shape": "prism", **levels,
@@ -256,6 +266,9 @@ GRIDS = {
     "turned and mirrored": grid(SWAP @ TURNED, axes=["north", "east"]),
     "turned, x to the west": grid(np.diag([-1.0, 1.0]) @ TURNED, axes=["west", "north"]),
     "turned and scaled, in metres": scaled(grid(unit="m", metres=1.0, scale=0.9996)),
+    "turned, z downward": replace(grid(axes=["east", "north", "down"]), up=-1.0),
+    "turned and mirrored, z downward": replace(grid(SWAP @ TURNED, axes=["north", "east", "down"]), up=-1.0),
+    "by points, z downward": by_points(replace(grid(axes=["east", "north", "down"]), up=-1.0)),
     "by points": by_points(grid()),
     "by points, mirrored": by_points(grid(SWAP @ TURNED, axes=["north", "east"])),
     "by points, scaled": by_points(grid(scale=0.9996)),
@@ -330,6 +343,39 @@ def test_a_system_whose_axes_run_west_and_south(writer, reference, boxes, tmp_pa
     latitude, longitude = Transformer.from_crs(crs, "EPSG:4326").transform(*written.T)
     globe = MineFrame(own.settings.frame).to_globe(location)
     np.testing.assert_allclose(globe[:2], [latitude, longitude], atol=1e-7, rtol=0)
+
+
+def test_boxes_in_a_grid_that_counts_downward(tmp_path):
+    down = replace(ON_UTM, frame=ON_UTM.frame | {"grid": {"axes": ["east", "north", "down"]}}, up=-1.0)
+    folders = [tmp_path / name for name in ("down", "up")]
+    mines = [read(mine_of(one, folder, True), folder) for one, folder in zip((down, ON_UTM), folders, strict=True)]
+    check_same(*mines)
+    assert mines[0].grid_text == "In the mine's own grid x runs east and y north, and z down."
+
+
+LONG_ISLAND = Writer((-300_000.0, -60_000.0, 0.0), {"crs": "EPSG:32118"})  # in metres
+
+
+def test_a_system_in_feet_is_the_same_in_metres(tmp_path):
+    """EPSG:2263 counts EPSG:32118 in US survey feet. Its places are those of PROJ."""
+    frame = {"crs": "EPSG:2263", "grid": {"units": "us_ft"}}
+    feet = replace(LONG_ISLAND, frame=frame, unit="us_ft", metres=SURVEY_FOOT)
+    folders = [tmp_path / name for name in ("feet", "metres")]
+    mines = [read(mine_of(one, folder), folder) for one, folder in zip((feet, LONG_ISLAND), folders, strict=True)]
+    check_same(*mines)
+    location = read_record(mines[0].record_slice())["location"].values
+    latitude, longitude = Transformer.from_crs("EPSG:2263", "EPSG:4326").transform(*(location[:, :2] / SURVEY_FOOT).T)
+    globe = MineFrame(mines[0].settings.frame).to_globe(location)
+    np.testing.assert_allclose(globe[:2], [latitude, longitude], atol=1e-9, rtol=0)
+
+
+@pytest.mark.parametrize(("third", "is_told"), [([400.0, 800.0], False), ([500.0, 0.0], True), (None, True)])
+def test_points_on_one_line_do_not_show_a_mirrored_grid(tmp_path, third, is_told):
+    writer = by_points(grid(unit="m", metres=1.0))
+    points = [[0.0, 0.0], [900.0, 0.0], *([third] if third else [])]
+    frame = {"points": [{"grid": writer.texts(one), "map": ON_UTM.texts(one)} for one in points]}
+    mine = read(mine_of(replace(writer, frame={"crs": "EPSG:32735", "grid": frame}), tmp_path), tmp_path)
+    assert ("They fit the mirrored grid as well" in mine.grid_text) == is_told
 
 
 def test_a_grid_upon_lo29_has_its_points_in_the_axes_of_lo29(tmp_path):
@@ -456,7 +502,7 @@ FAR = {"grid": ["200 m", "0 m"], "map": ["600200 m", "7100000 m"]}
         ),
         (
             {"frame.grid": {"axes": ["east", "up"]}},
-            "frame.grid.axes[1]: 'up' is not one of east, north, west, south",
+            "frame.grid.axes: give the directions of x and y in plan, then up or down",
         ),
         (
             {"frame.grid": {"points": [POINT, POINT]}},
@@ -469,6 +515,15 @@ FAR = {"grid": ["200 m", "0 m"], "map": ["600200 m", "7100000 m"]}
         (
             {"frame": {"surface": "1000 m", "crs": "EPSG:2053", "grid": {"points": [POINT, FAR]}}},
             "frame.grid.points[0].map: lies at latitude",
+        ),
+        (
+            {"frame": {"surface": "1000 m", "crs": "EPSG:2263"}},
+            "frame.crs: EPSG:2263: its unit is the US survey foot, and results are in metres; say which unit solids "
+            "and record have with frame.grid.units: us_ft, if they have that of the system",
+        ),
+        (
+            {"frame": {"surface": "1000 m", "crs": "EPSG:4326"}},
+            "frame.crs: WGS 84: expected a projected system, not a geographic 2d one (degree)",
         ),
         (
             {"frame": {"surface": "1000 m", "crs": "EPSG:3031"}},
@@ -513,6 +568,8 @@ def test_the_examples_of_the_page_are_grids(tmp_path):
     for text in re.findall(r"```yaml\n(.*?)```", page, re.DOTALL):
         mine = mine_of(ON_UTM, tmp_path) | yaml.safe_load(text)
         found.append(places_on_map(MineSettings.read(merged(mine))))
-    assert [one.settings.frame.surface for one in found] == pytest.approx([5600 * FOOT - 100, 1600.0, 1700.0], abs=0.02)
-    assert [one.settings.frame.grid.axes for one in found] == [("east", "north")] * 2 + [("west", "south")]
+    surfaces = [5600 * FOOT - 100, 1600.0, 1700.0, 20 * SURVEY_FOOT]
+    assert [one.settings.frame.surface for one in found] == pytest.approx(surfaces, abs=0.02)
+    east_north = ("east", "north")
+    assert [one.settings.frame.grid.axes for one in found] == [east_north, east_north, ("west", "south"), east_north]
     assert found[1].settings.frame.grid.angle == pytest.approx(32.0, abs=1e-3)

@@ -173,8 +173,9 @@ class DrawnPrism(Shape):
 def _elevations(shape: Shape, grid: GridMap) -> dict[str, Any]:
     """Elevations on the map, m, of a prism in a mine's grid, by their keys."""
     given = {key: value for key, value in shape.given().items() if key in ("lower", "upper", "base", "top")}
+    exchanged = {"lower": "upper", "upper": "lower", "base": "top", "top": "base"} if grid.is_downward else {}
     return {
-        key: [grid.elevation(one) for one in value] if is_list(value) else grid.elevation(value)
+        exchanged.get(key, key): [grid.elevation(one) for one in value] if is_list(value) else grid.elevation(value)
         for key, value in given.items()
     }
 

@@ -48,7 +48,7 @@ class Box(Shape):
             corners = grid.box(*self.extent(3))
             return dict(zip(self.POINT_KEYS, (corner.tolist() for corner in corners), strict=True))
         outline = [[x, y], [x_far, y], [x_far, y_far], [x, y_far]]
-        heights = {"lower": grid.elevation(float(lower)), "upper": grid.elevation(float(upper))}
+        heights = dict(zip(("lower", "upper"), sorted(map(grid.elevation, (float(lower), float(upper)))), strict=True))
         return {"shape": "prism", "polygon": grid.to_map(outline).tolist()} | heights
 
     def extent(self, dimension: int) -> tuple[np.ndarray, np.ndarray]:
