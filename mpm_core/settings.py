@@ -254,6 +254,9 @@ class FileSettings(Settings):
     """Scale factor: metres = coordinate x units x scale + offset."""
     offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
     """Vector that is added to the scaled coordinates."""
+    closed_at_ground: bool = False
+    """Whether the surface of an excavation is open at the ground, as that of a pit, and closed at frame.surface. What
+    it has above is cut off."""
 
 
 class PartSettings(FileSettings):
@@ -344,6 +347,8 @@ class PlacedSolid(SolidSettings):
 
     grid: MineGrid = None
     """grid of the coordinates of its file, if that is not the map's"""
+    closed_at: Length = None
+    """elevation of the ground on the map at which its surface is closed, if it is open there"""
 
 
 class PlacedBody(PlacedSolid, BodySettings):

@@ -67,6 +67,8 @@ class Mine(MineConfiguration):
         if "file" in made:
             made["file"] = self.path(made["file"]).as_posix()
             made |= {"grid": grid.given()} if grid else {}
+        if made.pop("closed_at_ground", False):
+            made["closed_at"] = self.settings.frame.surface
         return {"name": solid.name, **made}
 
     def placed(self, solid: SolidSettings) -> PlacedSolid:

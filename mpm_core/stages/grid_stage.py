@@ -404,7 +404,8 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         compare_volumes(solid.name, true, float(gridded), values.grid)
     refuse_under_resolved(share, on_grid, values.grid)
-    across = [cells_across(solid, grid.fine_cell) for solid in solids]
+    top = np.inf if values.plane == "xy" else domain.lower[-1] + grid.shape[-1] * grid.fine_cell
+    across = [cells_across(solid, grid.fine_cell, top) for solid in solids]
     narrow = warn_of_narrow(names, across, on_grid, values.grid)
     body = bodies_at(bodies, grid.cell_center, blocks)
     return grid_dataset(
