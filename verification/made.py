@@ -20,7 +20,7 @@ NUMERICS = ("mpm_core", "seismic")  # Results of most studies may change with th
 READING = (  # Parts of such folders that read what others made. They change no result of a study.
     *(
         f"mpm_core/geometry/{name}.py"
-        for name in ("blocks", "block_files", "dxf", "gocad", "meshes", "omf_blocks", "omf_files", "solid_files")
+        for name in "blocks block_files dxf gocad meshes omf_blocks omf_files open_pits parts solid_files".split()
     ),
     *(
         "mpm_core/scene/rock_blocks.py",
