@@ -171,9 +171,9 @@ def _cut(vertices: np.ndarray, facets: np.ndarray) -> tuple[np.ndarray, np.ndarr
     left = np.full((len(start), 3, 2), -1)
     left[:, :, 0] = np.where(side[crossed] <= 0, start, -1)
     left[:, :, 1][meets] = len(vertices) + number.reshape(-1)
-    left = left.reshape(-1, 6)
-    left = np.take_along_axis(left, np.argsort(left < 0, axis=1, kind="stable"), axis=1)
-    parts = [facets[below & ~crossed], left[:, :3], left[left[:, 3] >= 0][:, [0, 2, 3]]]
+    outline = left.reshape(-1, 6)
+    outline = np.take_along_axis(outline, np.argsort(outline < 0, axis=1, kind="stable"), axis=1)
+    parts = [facets[below & ~crossed], outline[:, :3], outline[outline[:, 3] >= 0][:, [0, 2, 3]]]
     used, kept = np.unique(np.concatenate(parts), return_inverse=True)
     return np.concatenate([vertices, new])[used], kept.reshape(-1, 3)
 
@@ -256,7 +256,7 @@ def _lid(plan: np.ndarray, rim: np.ndarray) -> np.ndarray:
 
 
 def _rest(rim: np.ndarray, lid: np.ndarray) -> np.ndarray:
-    """Directed edges (edge, 2) of a rim that the boundary of a lid leaves out, and those that it has too many, turned."""
+    """Directed edges (edge, 2) of a rim that the boundary of a lid leaves out, and those it has too many, turned."""
     own = np.stack([lid.ravel(), np.roll(lid, -1, axis=1).ravel()], axis=1)
     ends = np.concatenate([rim, own[:, ::-1]])
     low, high = ends.min(axis=1, initial=2**62), ends.max(axis=1, initial=-1)
@@ -267,14 +267,14 @@ def _rest(rim: np.ndarray, lid: np.ndarray) -> np.ndarray:
 
 
 def _lines(plan: np.ndarray, rim: np.ndarray) -> list[np.ndarray]:
-    """Closed lines of vertices that directed edges (edge, 2) make. Where several leave one vertex, a line turns left."""
+    """Closed lines of vertices that directed edges (edge, 2) make. Where several leave a vertex, a line turns left."""
     order = np.argsort(rim[:, 0], kind="stable")
     rim = rim[order]
     first = np.searchsorted(rim[:, 0], rim[:, 1])
     last = np.searchsorted(rim[:, 0], rim[:, 1], side="right")
     following = first.copy()
     taken = set()
-    for edge in np.flatnonzero(last - first > 1):
+    for edge in np.flatnonzero(last - first > 1).tolist():
         here = plan[rim[edge, 1]] - plan[rim[edge, 0]]
         choices = [one for one in range(first[edge], last[edge]) if one not in taken]
         out = plan[rim[choices, 1]] - plan[rim[edge, 1]]
@@ -282,9 +282,11 @@ def _lines(plan: np.ndarray, rim: np.ndarray) -> list[np.ndarray]:
         following[edge] = choices[int(turn.argmax())]
         taken.add(following[edge])
     lines, seen = [], np.zeros(len(rim), bool)
-    nexts, starts = following.tolist(), rim[:, 0].tolist()
+    nexts: list[int] = following.tolist()
+    starts: list[int] = rim[:, 0].tolist()
     for begin in range(len(rim)):
-        line, edge = [], begin
+        line: list[int] = []
+        edge = begin
         while not seen[edge]:
             seen[edge] = True
             line.append(starts[edge])

@@ -143,11 +143,12 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
             f"{path}: {name}: its surface has large holes, or triangles that look the other way: {least:.4g} to "
             f"{most:.4g} m3 are within, {100 * solid.open_share:.0f} % apart, as one closes it"
         )
+        pit = "" if picked.closed_at is not None else "; a pit that is open at the ground needs closed_at_ground: true"
         if solid.open_share > MAX_OPEN_SHARE_ACCEPTED:
             raise InputError(
-                f"{message}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}"
+                f"{message}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}{pit}"
             )
-        logging.warning("%s; %.4g m3 are used: %s", message, solid.volume, SURFACE_REMEDY)
+        logging.warning("%s; %.4g m3 are used: %s%s", message, solid.volume, SURFACE_REMEDY, pit)
     return _part(path, solid, picked)
 
 

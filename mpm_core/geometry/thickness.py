@@ -96,7 +96,7 @@ def _lengths_inside(
     left[:, 0] = ~within_or_above(start + marks[0] * along)
     within = np.flatnonzero(~left[:, 0])  # the others look outward
     places = start[within, None] + marks[1:, None] * along[within, None]
-    left[within, 1:] = ~within_or_above(places.reshape(-1, solid.dimension)).reshape(len(within), -1)
+    left[within, 1:] = ~within_or_above(places.reshape(-1, solid.dimension)).reshape(places.shape[:2])
     first = np.where(left.any(axis=1), left.argmax(axis=1), len(marks))
     low, high = first * (most / steps), np.minimum(first + 1, steps) * (most / steps)
     for _ in range(HALVINGS):
