@@ -9,7 +9,9 @@ import pytest
 from tiny_mines import FLAT, HOST, TINY, changed
 
 from common.errors import InputError
+from mpm_core.block_settings import PlacedBlocks
 from mpm_core.files.state_datasets import read_grid
+from mpm_core.scene.rock_blocks import read_blocks
 from mpm_core.stages.grid_stage import make_grid
 
 DYKE = HOST | {"youngs_modulus": "30 GPa"}
@@ -157,12 +159,34 @@ def test_gaps_and_few_overlaps_are_named(accept, model, caplog):
     assert "% of what lies within the blocks is in none, first at" in caplog.text
 
 
-def test_the_order_of_rows_and_a_shifted_turned_grid_change_nothing(accept, model):
-    """The same rock where the mine's grid is turned by 90 degrees: its blocks have coordinates of that grid."""
+def test_the_order_of_rows_changes_nothing(accept, model):
     whole = rows(rock=lambda x, y, z: "D" if x + 2 * y < 90 else "W")
     first = grid(accept(model(table=whole)))
     again = grid(accept(model(table=whole[::-1])))
     assert np.array_equal(first.cell_body, again.cell_body)
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        {"angle": 32.0, "origin": {"grid": [10.0, 20.0, 0.0], "map": [600_000.0, 7_100_000.0, -100.0]}},
+        {"axes": ["west", "south"]},
+        {"axes": ["north", "east"], "angle": -15.0},
+        {"axes": ["east", "north", "down"]},
+        {"units": "ft"},
+    ],
+)
+def test_blocks_have_the_coordinates_of_the_mines_grid(model, tmp_path, frame):
+    """The rock at a place on the map is that of its coordinates in the grid, turned, mirrored, downward or in feet."""
+    model(table=rows(rock=lambda x, y, z: "D" if x + 2 * y + 3 * z < 240 else "W"))
+    given = MODEL | {"file": str(tmp_path / "blocks.csv")}
+    own = PlacedBlocks.of(given | ({"units": "ft"} if "units" in frame else {}), "block_model")
+    placed = PlacedBlocks.of(given | {"grid": frame}, "block_model")
+    unit = 0.3048 if "units" in frame else 1.0
+    points = unit * np.random.default_rng(3).uniform(-10.0, 90.0, (2000, 3))
+    found = read_blocks(placed).kinds_at(placed.grid.map().to_map(points))
+    assert len(np.unique(found)) == 3
+    assert np.array_equal(found, read_blocks(own).kinds_at(points))
 
 
 def test_a_mine_that_has_one_depends_on_its_file(accept, model):
