@@ -22,6 +22,7 @@ from common.setting_types import (
     whole,
     whole_number,
 )
+from mpm_core.block_settings import PlacedBlocks
 from mpm_core.geometry.shapes import SHAPES
 from mpm_core.geometry.shapes.prism import DrawnPrism
 
@@ -253,6 +254,9 @@ class FileSettings(Settings):
     """Scale factor: metres = coordinate x units x scale + offset."""
     offset: Annotated[tuple[Length, ...], Field(min_length=3, max_length=3), AsTuple] = None
     """Vector that is added to the scaled coordinates."""
+    closed_at_ground: bool = False
+    """Whether the surface of an excavation is open at the ground, as that of a pit, and closed at frame.surface. What
+    it has above is cut off."""
 
 
 class PartSettings(FileSettings):
@@ -343,6 +347,8 @@ class PlacedSolid(SolidSettings):
 
     grid: MineGrid = None
     """grid of the coordinates of its file, if that is not the map's"""
+    closed_at: Length = None
+    """elevation of the ground on the map at which its surface is closed, if it is open there"""
 
 
 class PlacedBody(PlacedSolid, BodySettings):
@@ -401,6 +407,8 @@ class GridSlice(Settings):
     grid: GridCells
     excavations: Annotated[tuple[PlacedSolid, ...], AsTuple]
     rock_bodies: Annotated[tuple[PlacedBody, ...], AsTuple]
+    blocks: PlacedBlocks | None = None
+    """block model of the rock"""
     later: Annotated[tuple[int, ...], AsTuple] = ()
     """numbers of the excavations that have no fine cells yet"""
     mined: Annotated[tuple[int, ...], AsTuple] = ()

@@ -18,8 +18,16 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE = "made.json"
 NUMERICS = ("mpm_core", "seismic")  # Results of most studies may change with these folders.
 READING = (  # Parts of such folders that read what others made. They change no result of a study.
-    *(f"mpm_core/geometry/{name}.py" for name in ("dxf", "gocad", "meshes", "omf_files", "solid_files")),
-    *("mpm_core/scene/scene_solids.py", "catalogs/records", "catalogs/sources/geographic_frame.py"),
+    *(
+        f"mpm_core/geometry/{name}.py"
+        for name in "blocks block_files dxf gocad meshes omf_blocks omf_files open_pits parts solid_files".split()
+    ),
+    *(
+        "mpm_core/scene/rock_blocks.py",
+        "mpm_core/scene/scene_solids.py",
+        "catalogs/records",
+        "catalogs/sources/geographic_frame.py",
+    ),
 )
 UNKNOWN, DIRTY = "unknown", "-dirty"
 COMMIT_LENGTH = 7

@@ -6,6 +6,7 @@ The file is a memory only: without it, or if it cannot be read, the openings are
 import hashlib
 import json
 import logging
+import math
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -46,12 +47,19 @@ def across_of(mine: Mine) -> dict[str, Across]:
 
 def _key(mine: Mine, entry: Excavation, code: str) -> str:
     """Hash of all that the cells across an opening follow from."""
-    parts = [code, mine.finest_cell, mine.dimension, shape_keys(entry)]
+    parts = [code, mine.finest_cell, mine.dimension, shape_keys(entry), _top(mine)]
+    if entry.closed_at_ground:
+        parts.append(mine.settings.frame.surface)
     if entry.file:
         path = mine.path(entry.file)
         stamp = path.stat() if path.exists() else None
         parts += [str(path.resolve()), stamp and [stamp.st_mtime_ns, stamp.st_size]]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode(errors="surrogateescape")).hexdigest()
+
+
+def _top(mine: Mine) -> float | None:
+    """Elevation, m, at which the rock ends above; None in plan."""
+    return None if mine.plane == "xy" else mine.settings.domain.upper[-1]
 
 
 def _code() -> str:
@@ -84,7 +92,8 @@ def _measured(mine: Mine, entry: Excavation) -> Across:
     from mpm_core.simd.threads import threads_for
 
     with threads_for(0) if entry.file is None else nullcontext():
-        return cells_across(_solid(mine, entry), mine.finest_cell)
+        top = _top(mine)
+        return cells_across(_solid(mine, entry), mine.finest_cell, math.inf if top is None else top)
 
 
 def _solid(mine: Mine, entry: Excavation) -> Solid:

@@ -15,6 +15,7 @@ from mpm_core.settings import ShapeSettings, Variability
 from plans.layout import ANY
 from seismic.event_settings import DEFAULT_LINK_LENGTH
 from workflow.accuracy import apply_accuracy
+from workflow.block_rock import add_block_materials, check_blocks_form
 from workflow.comparison_checks import check_baselines, check_face, check_forecasts, check_plans
 from workflow.dates import is_date, read_date
 from workflow.derived_domain import MAX_COARSE_CELLS, complete, largest_cell_name
@@ -73,14 +74,17 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(_check_steps, "steps")
     check(_check_references)
     check(_check_forms, "plane")
+    check(check_blocks_form, "plane", "materials", "block_model")
     cells = ("domain", "grid", "plane", "accuracy")
-    follows = () if mine.has_corners else ("frame", "insitu_stress", "materials", "rock_bodies", "excavations", "loads")
+    rock = ("insitu_stress", "materials", "rock_bodies", "block_model")
+    follows = () if mine.has_corners else ("frame", *rock, "excavations", "loads")
     before = len(mistakes.lines)
     check(lambda mine, _: complete(mine), *cells, *follows)
     if len(mistakes.lines) > before or not mine.has_corners or mine.settings.grid.coarse_cell is None:
         broken |= {"domain", "grid"}
     check(_complete_link_length, "seismic", *cells)
     check(_complete_variability, "materials", *cells)
+    check(add_block_materials, "materials", "block_model", *cells)
     check(lambda mine, _: apply_accuracy(mine), "solver", *cells)
     check(_check_domain, *cells)
     check(check_frame, "frame", "domain", "plane")
@@ -93,7 +97,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_plans, "plans", "excavations", "steps")
     check(check_forecasts, "forecasts", "record", "steps")
     check(_check_solver, "solver", "grid", "materials")
-    check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "solver", "accuracy")
+    check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "block_model", "solver", "accuracy")
     check(_check_compression, "insitu_stress", "domain", "frame", "plane")
     check(_check_virgin, *MineSettings.model_fields)
     mistakes.lines = _under_written_keys(mine, mistakes.lines)
@@ -453,7 +457,7 @@ def _check_ensemble(mine: Mine, _: Mistakes) -> None:
 def why_members_are_alike(mine: Mine) -> str:
     """Reason why all members of an ensemble would be the same, and what to set, as the beginning of a line; empty if
     they would differ."""
-    rocks = [mine.settings.materials[name] for name in ("host", *(body.material for body in mine.settings.rock_bodies))]
+    rocks = [mine.settings.materials[name] for name in mine.written_rocks()]
     if not any(map(can_fail, rocks)):
         return "no rock can fail (materials), so all members are the same; give a material that can"
     if not any(rock.variability is not None and rock.variability.share > 0.0 for rock in rocks if can_fail(rock)):

@@ -136,7 +136,7 @@ def _derive(mine: Mine, finest: float, levels: int | None) -> tuple[float, int]:
     mined = PLANES[mine.plane]
     held = [face for face in FACES if "xyz".index(face[0]) in mined and (face, faces[face]) != ("z_upper", "free")]
     conditions = [faces[face] for face in held]
-    rocks = ["host", *(body.material for body in settings.rock_bodies)]
+    rocks = mine.written_rocks()
     box = bounds(openings)
     sound = _sound(mine, box, finest) if 2 in mined else ((-np.inf, ""), (np.inf, ""))
     found = derive_domain(

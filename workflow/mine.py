@@ -41,9 +41,19 @@ class Mine(MineConfiguration):
             "grid": {**grid, **({"resized_by": self.resized_by} if self.resized_by else {})},
             "excavations": [self._shape(excavation) for excavation in self.excavations],
             "rock_bodies": [{**self._shape(body), "refine": body.refine} for body in settings.rock_bodies],
+            **self._blocks(),
             **({"later": later} if later and self.is_adaptive else {}),
             **({"far_field": self.expected()} if self.far_field else {}),
         }
+
+    def _blocks(self) -> dict:
+        """The block model of a slice, if the mine has one: its file as a path from the working directory, and the grid
+        of the file."""
+        model, grid = self.settings.block_model, self.settings.frame.grid
+        if model is None:
+            return {}
+        made = {**model.given(), "file": self.path(model.file).as_posix(), **({"grid": grid.given()} if grid else {})}
+        return {"blocks": made}
 
     def _corners(self) -> dict:
         """Corners of the domain, m."""
@@ -57,6 +67,8 @@ class Mine(MineConfiguration):
         if "file" in made:
             made["file"] = self.path(made["file"]).as_posix()
             made |= {"grid": grid.given()} if grid else {}
+        if made.pop("closed_at_ground", False):
+            made["closed_at"] = self.settings.frame.surface
         return {"name": solid.name, **made}
 
     def placed(self, solid: SolidSettings) -> PlacedSolid:
@@ -99,7 +111,7 @@ class Mine(MineConfiguration):
             "boundary": self.boundary(),
             "surface": settings.frame.surface,
             "insitu_stress": self._insitu_stress(),
-            "rock_bodies": [{"material": body.material} for body in settings.rock_bodies],
+            "rock_bodies": [{"material": name} for name in self.body_materials()],
             **({"refinement": self._refinement()} if self.is_adaptive else {}),
             **({"realization": self.realization} if self.realization else {}),
             "solver": settings.solver.given(),
@@ -107,7 +119,7 @@ class Mine(MineConfiguration):
 
     def _materials(self, fills: set[str | None]) -> dict[str, dict]:
         """Materials of the rock and of some fills, in the order of their names."""
-        used = {"host", *(body.material for body in self.settings.rock_bodies), *fills}
+        used = {"host", *self.body_materials(), *fills}
         return {name: rock.given() for name, rock in sorted(self.settings.materials.items()) if name in used}
 
     def _excavation(self, entry: Excavation, last: int) -> dict:
@@ -186,7 +198,7 @@ class Mine(MineConfiguration):
         """Settings of adaptive refinement that the grid depends on: buffer rings, limit of cells, rock bodies."""
         grid = self.settings.grid
         bodies = [self._shape(body) for body in self.settings.rock_bodies]
-        return {"rings": grid.buffer_cells, "max_cells": grid.max_cells, "bodies": bodies}
+        return {"rings": grid.buffer_cells, "max_cells": grid.max_cells, "bodies": bodies, **self._blocks()}
 
     def step_slice(self, step: str) -> dict:
         """Settings of stage `step`: what steps/<step>.nc depends on besides the state of the step before.

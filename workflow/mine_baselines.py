@@ -40,9 +40,7 @@ class MineBaselines:
     @functools.cached_property
     def strength(self) -> dict[str, dict[str, float]]:
         """Strength of the flaws in each rock that can fail: that of the section, else the rock's residual one."""
-        bodies = (body.material for body in self.mine.settings.rock_bodies)
-        names = dict.fromkeys(["host", *bodies])
-        rocks = {name: self.mine.settings.materials[name] for name in names}
+        rocks = {name: self.mine.settings.materials[name] for name in ["host", *self.mine.body_materials()]}
         found: dict[str, dict[str, float]] = {}
         for name, rock in rocks.items():
             if not can_fail(rock):

@@ -121,16 +121,28 @@ class MineConfiguration:
 
     def solids(self) -> list[str]:
         """Files that the grid is built from."""
-        solids = [*self.excavations, *self.settings.rock_bodies]
-        return [self.path(solid.file).as_posix() for solid in solids if solid.file is not None]
+        excavations = [self.path(solid.file).as_posix() for solid in self.excavations if solid.file is not None]
+        return [*excavations, *self.bodies()]
 
     def forecasts(self) -> list[str]:
         """Kept forecasts that the record may score."""
         return [self.path(name).as_posix() for name in self.settings.forecasts]
 
     def bodies(self) -> list[str]:
-        """Files of rock bodies."""
-        return [self.path(body.file).as_posix() for body in self.settings.rock_bodies if body.file is not None]
+        """Files of rock bodies and of the block model."""
+        files, model = [body.file for body in self.settings.rock_bodies], self.settings.block_model
+        files += [model.file] if model else []
+        return [self.path(file).as_posix() for file in files if file is not None]
+
+    def body_materials(self) -> list[str]:
+        """Name of the material of each rock body, then of each kind of rock of the block model."""
+        names, model = [body.material for body in self.settings.rock_bodies], self.settings.block_model
+        return names if model is None else [*names, *map(model.kind_name, model.kinds())]
+
+    def written_rocks(self) -> list[str]:
+        """Names of the materials of the mine file that rock may have, each once: the host's first."""
+        bodies, model = [body.material for body in self.settings.rock_bodies], self.settings.block_model
+        return list(dict.fromkeys(["host", *bodies, *(model.materials() if model else ())]))
 
     @property
     def members(self) -> int:

@@ -25,6 +25,7 @@ from common.setting_types import (
     refusal,
     whole_number,
 )
+from mpm_core.block_settings import BlockModel
 from mpm_core.constitutive.laws import AnyMaterial
 from mpm_core.insitu_settings import InsituSettings, SymmetricTensor
 from mpm_core.settings import (
@@ -328,8 +329,9 @@ class MineSettings(Settings):
     grid: GridSettings = GridSettings()
     insitu_stress: InsituSettings
     materials: dict[Name, AnyMaterial]
-    """Rocks and fills by name. `host` is all rock outside of rock_bodies."""
+    """Rocks and fills by name. `host` is all rock outside of rock_bodies and of the blocks of block_model."""
     rock_bodies: Annotated[tuple[RockBody, ...], AsTuple] = ()
+    block_model: BlockModel = None
     excavations: Annotated[tuple[Excavation, ...], AsTuple] = ()
     excavations_from: ExcavationsFrom = None
     schedule: Schedule = None

@@ -116,7 +116,8 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -
 def _stamps(pilots: list[dict]) -> list[list[int]]:
     """Time and size of the files of solids."""
     grid = pilots[0]["grid"]
-    files = [Path(entry["file"]) for entry in [*grid["excavations"], *grid["rock_bodies"]] if "file" in entry]
+    sources = [*grid["excavations"], *grid["rock_bodies"], grid.get("blocks", {})]
+    files = [Path(entry["file"]) for entry in sources if "file" in entry]
     return [[path.stat().st_mtime_ns, path.stat().st_size] for path in files if path.exists()]
 
 

@@ -24,6 +24,7 @@ ROCK_AND_CELLS = (
     "insitu_stress",
     "materials",
     "rock_bodies",
+    "block_model",
     "loads",
     "strains",
     "solver",

@@ -20,6 +20,8 @@ def check_place(mine: Mine, where: str, solid: ShapeSettings) -> None:
     A rock body may lie outside a domain that follows from the excavations: the grid's stage leaves it out, and says so.
     """
     shape = check_form(mine, where, solid)
+    if solid.closed_at_ground:
+        _check_ground(mine, where)
     if shape is None or (where.startswith("rock_bodies.") and mine.far_field):
         return
     lower, upper = shape.extent(mine.dimension)
@@ -51,7 +53,8 @@ def check_form(mine: Mine, where: str, solid: ShapeSettings) -> Shape | None:
         raise InputError(f"{where}.file: a plane strain scene needs a shape in its plane, not a solid")
     if name:
         prism_keys = set(DrawnPrism.model_fields)
-        _check_keys(where, "prism from a file", given, set(FileSettings.model_fields) - {"element"} | prism_keys)
+        file_keys = set(FileSettings.model_fields) - {"element", "closed_at_ground"}
+        _check_keys(where, "prism from a file", given, file_keys | prism_keys)
         drawn = {key: value for key, value in shape_keys(solid).items() if key in prism_keys}
         checked(DrawnPrism.of(drawn, where), mine.dimension, where)
     else:
@@ -59,6 +62,8 @@ def check_form(mine: Mine, where: str, solid: ShapeSettings) -> Shape | None:
         _check_part(where, solid)
     if not is_file(mine.path(solid.file)):
         raise InputError(f"{where}.file: {mine.path(solid.file)} is missing; paths resolve from {mine.folder}")
+    if solid.closed_at_ground and (not isinstance(solid, Excavation) or solid.outside):
+        raise InputError(f"{where}.closed_at_ground: only what is mined, within its surface, is closed; leave it out")
     return None
 
 
@@ -70,6 +75,22 @@ def _check_part(where: str, solid: ShapeSettings) -> None:
     if solid.part is not None and solid.part[0] > solid.part[1]:
         raise InputError(
             f"{where}.part: part {solid.part[0]} of {solid.part[1]}; give its number, then how many there are"
+        )
+
+
+def _check_ground(mine: Mine, where: str) -> None:
+    """Raise InputError if the domain does not end, with a free face, at the ground at which a pit is closed."""
+    top, surface = mine.settings.domain.upper[-1], mine.settings.frame.surface
+    if top != surface:
+        raise InputError(
+            f"{where}.closed_at_ground: the domain ends at {top:.10g} m, {'above' if top > surface else 'below'} the "
+            f"ground (frame.surface, {surface:.10g} m); let domain.upper end there, or leave both corners out"
+        )
+    condition = mine.boundary()["z_upper"]
+    if condition not in ("free", "traction"):
+        raise InputError(
+            f"{where}.closed_at_ground: domain.boundary holds the ground: z_upper is {condition}; say {{z_upper: free, "
+            "others: fixed}"
         )
 
 

@@ -68,10 +68,10 @@ def overstress(mine: Mine, rocks: Iterable[str], elevation: float) -> tuple[floa
 def check_virgin_stress(mine: Mine) -> None:
     """Raise InputError if virgin rock of the domain stands above its intact strength, first the host's.
 
-    Where a rock body comes from a file, the elastic history checks that, particle by particle, as it does in any case.
+    Where rock comes from a file, the elastic history checks that, particle by particle, as it does in any case.
     """
     settings, is_plan = mine.settings, mine.plane == "xy"
-    if any(body.file is not None for body in settings.rock_bodies):
+    if settings.block_model or any(body.file is not None for body in settings.rock_bodies):
         return
     lower, upper = (np.array(corner) for corner in (settings.domain.lower, settings.domain.upper))
     count = np.minimum(np.rint((upper - lower) / settings.grid.coarse_cell).astype(int) + 1, MAX_LAYERS)

@@ -28,6 +28,8 @@ from common.datasets import atomic_path
 MARGIN_SHARE = 0.12  # Margin around the openings, as a share of the longest side of what is shown.
 MIN_MARGIN_CELLS = 3.0  # Finest cells that the margin is wide at least.
 BODY_COLOUR = "#b5651d"
+BLOCK_COLOURS = ("#d73027", "#7b3294", "#e6ab02", "#666666", "#1b7837")  # of materials of a block model
+OTHERS = "other rock of blocks"
 PICTURE_DOTS_PER_INCH = 200
 NAME_SIZE = 6.0  # Points.
 MAX_CANDIDATES = 120  # Openings that may be named.
@@ -221,9 +223,34 @@ def draw_cells(axes: Axes, grid: xr.Dataset, plane: Plane, at: float, level: Lis
     colours = level(grid["cell_level"].values[cells])
     look = {"rasterized": True, "antialiaseds": False}
     axes.add_collection(PolyCollection(corners, facecolors=colours, zorder=0.1, **edges, **look), autolim=False)
-    body = grid["cell_body"].values[cells] >= 0
-    shade = PolyCollection(corners[body], facecolors=BODY_COLOUR, edgecolors="none", alpha=0.35, zorder=0.2, **look)
-    axes.add_collection(shade, autolim=False)
+    for colour, bodies in rock_colours(grid).values():
+        rock = np.isin(grid["cell_body"].values[cells], bodies)
+        shade = PolyCollection(corners[rock], facecolors=colour, edgecolors="none", alpha=0.35, zorder=0.2, **look)
+        axes.add_collection(shade, autolim=False)
+
+
+def rock_colours(grid: xr.Dataset) -> dict[str, tuple[str, list[int]]]:
+    """Rock that differs from the host's, by its label in the key: colour, and the numbers of its rock bodies.
+
+    Rock bodies have one colour, and each material of a block model another one, that of most cells first.
+    """
+    body = grid["cell_body"].values
+    solids = (
+        len(json.loads(grid.attrs.get("rock_body_names", "[]"))) if "block_materials" in grid.attrs else body.max() + 1
+    )
+    found: dict[str, tuple[str, list[int]]] = {}
+    if ((body >= 0) & (body < solids)).any():
+        found["rock bodies"] = BODY_COLOUR, list(range(solids))
+    by_name: dict[str, list[int]] = {}
+    for number, name in enumerate(json.loads(grid.attrs.get("block_materials", "[]"))):
+        by_name.setdefault(name, []).append(solids + number)
+    count = {name: np.count_nonzero(np.isin(body, numbers)) for name, numbers in by_name.items() if name != "host"}
+    names = [name for name in sorted(count, key=lambda name: -count[name]) if count[name]]
+    for colour, name in zip(BLOCK_COLOURS, names, strict=False):
+        found[f"blocks: {name}"] = colour, by_name[name]
+    if rest := names[len(BLOCK_COLOURS) :]:
+        found[OTHERS] = "#000000", [number for name in rest for number in by_name[name]]
+    return found
 
 
 def _mark_cuts(axes: Axes, panel: _Panel, panels: Sequence[_Panel]) -> None:
@@ -285,7 +312,7 @@ def _draw_key(
             Patch(facecolor=level(index), edgecolor="#cccccc", label=f"cells of {edge / 2**index:g} m")
             for index in range(levels)
         ),
-        *([Patch(color=BODY_COLOUR, alpha=0.35, label="rock bodies")] if (grid["cell_body"].values >= 0).any() else []),
+        *(Patch(color=colour, alpha=0.35, label=label) for label, (colour, _) in rock_colours(grid).items()),
         *([Patch(facecolor="none", edgecolor=style.OUTLINE, label="planned")] if has_planned else []),
         *([_record_key(record)] if record is not None else []),
     ]

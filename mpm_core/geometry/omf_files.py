@@ -67,8 +67,8 @@ def _parsed_omf(path: Path) -> Project:
     return _project_1(content)
 
 
-def _project_1(content: bytes) -> Project:
-    """The project of an OMF 1 file. Raises InputError for what is none; other errors for damaged content."""
+def objects_1(content: bytes) -> tuple[dict, dict]:
+    """All objects of an OMF 1 file by their identifiers, and its project. Raises InputError for what is none."""
     if not content.startswith(MAGIC_1) or len(content) < HEADER_1.size:
         raise InputError("is no OMF project: export it again")
     _, version, identifier, json_start = HEADER_1.unpack_from(content)
@@ -78,7 +78,12 @@ def _project_1(content: bytes) -> Project:
     if not HEADER_1.size <= json_start < len(content):
         raise InputError("is cut off: its description is missing: export it again")
     objects = json.loads(content[json_start:].decode("utf-8"))
-    project = objects[str(uuid.UUID(bytes=identifier))]
+    return objects, objects[str(uuid.UUID(bytes=identifier))]
+
+
+def _project_1(content: bytes) -> Project:
+    """The project of an OMF 1 file. Raises InputError for what is none; other errors for damaged content."""
+    objects, project = objects_1(content)
     found = Project({}, [], stated_unit(project.get("units", "")))
     for key in project.get("elements", []):
         element = objects[key]
@@ -87,13 +92,13 @@ def _project_1(content: bytes) -> Project:
         if geometry["__class__"] != "SurfaceGeometry":
             found.others.append(name)
             continue
-        origin = _origin(geometry) + _origin(project)
+        origin = origin_of(geometry) + origin_of(project)
         vertices, facets = (_array_1(content, objects[geometry[part]]["array"]) for part in ("vertices", "triangles"))
         found.surfaces.setdefault(name, []).append((vertices + origin, facets.astype(np.int64)))
     return found
 
 
-def _origin(owner: dict) -> np.ndarray:
+def origin_of(owner: dict) -> np.ndarray:
     """Origin (3,) of a project or a geometry; zero where it states none."""
     return np.array(owner.get("origin", (0.0, 0.0, 0.0)), dtype=np.float64).reshape(3)
 
@@ -109,21 +114,15 @@ def _array_1(content: bytes, place: dict) -> np.ndarray:
 def _project_2(content: bytes) -> Project:
     """The project of an OMF 2 file. Raises InputError for what is none; other errors for damaged content."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        stated = COMMENT_2.fullmatch(archive.comment)
-        if stated is None:
-            raise InputError(
-                "is a zip archive, but no OMF project: its comment does not name the format: export it again"
-            )
-        if (version := stated["version"].decode()) != VERSION_2:
-            raise InputError(f"is of OMF {version}, which is not read here: export it as OMF {VERSION_2} or 1")
+        check_version_2(archive)
         project = json.loads(gzip.decompress(archive.read(INDEX_2)))
-        found = Project({}, [], _unit_2(project))
-        for element in _elements_2(project.get("elements", [])):
+        found = Project({}, [], unit_2(project))
+        for element in elements_2(project.get("elements", [])):
             geometry = element["geometry"]
             if geometry["type"] != "Surface":
                 found.others.append(element["name"])
                 continue
-            origin = _origin(geometry) + _origin(project)
+            origin = origin_of(geometry) + origin_of(project)
             vertices, facets = (_array_2(archive, geometry[part], part) for part in COLUMNS_2)
             # Only single precision without an origin is as coarse as it looks.
             mesh = vertices + origin if origin.any() else vertices, facets.astype(np.int64)
@@ -131,16 +130,25 @@ def _project_2(content: bytes) -> Project:
     return found
 
 
-def _elements_2(elements: list[dict]) -> Iterator[dict]:
+def check_version_2(archive: zipfile.ZipFile) -> None:
+    """Raise InputError for an archive that is no project of OMF 2."""
+    stated = COMMENT_2.fullmatch(archive.comment)
+    if stated is None:
+        raise InputError("is a zip archive, but no OMF project: its comment does not name the format: export it again")
+    if (version := stated["version"].decode()) != VERSION_2:
+        raise InputError(f"is of OMF {version}, which is not read here: export it as OMF {VERSION_2} or 1")
+
+
+def elements_2(elements: list[dict]) -> Iterator[dict]:
     """Elements of a project, those within composites in place of the composites."""
     for element in elements:
         if element["geometry"]["type"] == "Composite":
-            yield from _elements_2(element["geometry"].get("elements", []))
+            yield from elements_2(element["geometry"].get("elements", []))
         else:
             yield element
 
 
-def _unit_2(project: dict) -> float | None:
+def unit_2(project: dict) -> float | None:
     """Metres of a project's unit, which its coordinate reference system defines where it states none.
 
     None where it has neither, NaN for what is no length or not known.

@@ -108,7 +108,7 @@ def nest(lines: list[np.ndarray], height: float | None = None) -> list[Outline]:
 
 def _refuse_crossing(line: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Winding number (place,) of a line. Raises InputError where it is neither 0 nor the one number of the others."""
-    number = _winding(line, places)
+    number = line_winding(line, places)
     values = np.unique(number[number != 0])
     if len(values) > 1 or (np.abs(values) > 1).any():
         rarest = min(values, key=lambda value: (np.abs(value) == 1, np.count_nonzero(number == value)))
@@ -171,7 +171,7 @@ def _probes(middle: np.ndarray, along: np.ndarray) -> np.ndarray:
     return np.concatenate([middle + beside, middle - beside])
 
 
-def _winding(line: np.ndarray, places: np.ndarray) -> np.ndarray:
+def line_winding(line: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Winding number (place,) int of a closed line (point, 2) around places (place, 2): crossings of a ray along +x."""
     number = np.zeros(len(places), np.int64)
     (x, y), (x_next, y_next) = line.T, np.roll(line, -1, axis=0).T

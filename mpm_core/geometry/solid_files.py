@@ -25,6 +25,7 @@ from mpm_core.geometry.meshes import (
     stl_names,
 )
 from mpm_core.geometry.omf_files import omf_names, read_omf
+from mpm_core.geometry.open_pits import closed_at
 from mpm_core.geometry.orientation import SURFACE_REMEDY, agree, check_bounds_volume, without_partitions
 from mpm_core.geometry.outlines import Outline, check_simple, nest
 from mpm_core.geometry.parts import part_of
@@ -58,6 +59,8 @@ class Picked:
     """direction in which parts are mined, degrees clockwise from the map's north"""
     grid: GridMap = SAME_AS_MAP
     """grid of the coordinates, by default that of the map"""
+    closed_at: float | None = None
+    """elevation of the ground on the map, m, at which a surface that is open there is closed"""
 
     @classmethod
     def of(cls, entry: dict, grid: GridMap | None = None) -> "Picked":
@@ -87,7 +90,7 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     `layer` and `element` are needed only if a DXF, OMF or GOCAD file has several; "*" stands for any text in them.
     Vertices at exactly the same place become one; triangles without area or said twice are dropped, those that look the
     wrong way are turned (orientation.py). A warning names a file whose single precision (float32) leaves coarse
-    coordinates.
+    coordinates. With `closed_at` the solid is what the surface has below the ground (open_pits.py).
 
     Raises InputError naming the file if it is missing, unreadable, of another format, or bounds no volume.
     """
@@ -121,12 +124,17 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     vertices, facets = _tidy(vertices, facets[:, ::-1] if picked.grid.is_mirrored else facets)
     if len(facets) == 0:
         raise InputError(f"{path}: {name}: holds no triangles: export the solid as a triangulated surface")
+    turned_before = 0
     try:
+        if picked.closed_at is not None:
+            vertices, facets, turned_before, notes = closed_at(vertices, facets, picked.closed_at)
+            for note in notes:
+                logging.warning("%s: %s: %s", path, name, note)
         facets, turned = agree(vertices, facets)
         check_bounds_volume(vertices, facets)
     except InputError as error:
         raise InputError(f"{path}: {name}: {error}") from error
-    if turned:
+    if turned := turned + turned_before:
         logging.warning("%s: %s: %d of %d triangles looked the other way; turned", path, name, turned, len(facets))
     solid = Solid(name, vertices, facets)
     if solid.open_share > OPEN_SHARE_WARNED:
@@ -135,11 +143,12 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
             f"{path}: {name}: its surface has large holes, or triangles that look the other way: {least:.4g} to "
             f"{most:.4g} m3 are within, {100 * solid.open_share:.0f} % apart, as one closes it"
         )
+        pit = "" if picked.closed_at is not None else "; a pit that is open at the ground needs closed_at_ground: true"
         if solid.open_share > MAX_OPEN_SHARE_ACCEPTED:
             raise InputError(
-                f"{message}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}"
+                f"{message}; more than {100 * MAX_OPEN_SHARE_ACCEPTED:.0f} % is no volume: {SURFACE_REMEDY}{pit}"
             )
-        logging.warning("%s; %.4g m3 are used: %s", message, solid.volume, SURFACE_REMEDY)
+        logging.warning("%s; %.4g m3 are used: %s%s", message, solid.volume, SURFACE_REMEDY, pit)
     return _part(path, solid, picked)
 
 

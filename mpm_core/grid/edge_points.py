@@ -48,7 +48,7 @@ def edge_points(
         row = np.repeat(np.arange(len(steps)), steps)
         share = (np.arange(len(row)) - np.repeat(np.cumsum(steps) - steps, steps) + 0.5) / steps[row]
         place = segments[row, 0] + share[:, None] * along[row]
-        within = ((place > 0.0) & (place < shape)).all(axis=1)
+        within = ((place > ON_LATTICE) & (place < shape - ON_LATTICE)).all(axis=1)  # beyond there is no rock
         row = row[within]
         places.append(place[within])
         ways.append(along[row])

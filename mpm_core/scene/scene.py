@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from common.errors import InputError
 from common.voigt import tensor_from_voigt
+from mpm_core.block_settings import PlacedBlocks
 from mpm_core.constitutive.laws import Materials, can_fail, law_of
 from mpm_core.settings import FACES, MaterialSettings, PlacedSolid, ShapeSettings, SolverSettings
 
@@ -97,11 +98,13 @@ class BoundaryStrain:
 
 @dataclass(frozen=True)
 class Refinement:
-    """Cells that follow the rock: rings of fine cells around what is mined, most cells, and the rock bodies' shapes."""
+    """Cells that follow the rock: rings of fine cells around what is mined, most cells, rock bodies and a block
+    model."""
 
     rings: int
     max_cells: int
     bodies: tuple[PlacedSolid, ...]
+    blocks: PlacedBlocks | None = None
 
 
 @dataclass(frozen=True)
@@ -185,7 +188,8 @@ def _refinement(entry: dict | None) -> Refinement | None:
     if entry is None:
         return None
     bodies = tuple(PlacedSolid.of(body, "rock_bodies") for body in entry["bodies"])
-    return Refinement(entry["rings"], entry["max_cells"], bodies)
+    blocks = PlacedBlocks.of(entry["blocks"], "block_model") if "blocks" in entry else None
+    return Refinement(entry["rings"], entry["max_cells"], bodies, blocks)
 
 
 def _load(entry: dict) -> Load:

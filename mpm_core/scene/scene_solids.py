@@ -13,6 +13,7 @@ from mpm_core.geometry.shapes.prism import DrawnPrism
 from mpm_core.geometry.solid_files import Picked, read_outlines, read_solid
 from mpm_core.geometry.solids import Outside, Solid
 from mpm_core.grid.domain import Domain
+from mpm_core.scene.rock_blocks import RockBlocks, kinds_or_host
 from mpm_core.settings import PlacedSolid
 
 MAX_SHARE_LEFT_AWAY = (
@@ -108,9 +109,12 @@ def _span(lower, upper) -> str:
     return ", ".join(f"{a:.10g} to {b:.10g} m" for a, b in zip(lower, upper, strict=True))
 
 
-def bodies_at(bodies: list[Solid | Outside], points: np.ndarray) -> np.ndarray:
-    """Rock body that each point (k, d) lies in, later ones winning: (k,) int16, -1 host."""
-    body = np.full(len(points), -1, np.int16)
+def bodies_at(bodies: list[Solid | Outside], points: np.ndarray, blocks: RockBlocks | None = None) -> np.ndarray:
+    """Rock body that each point (k, d) lies in, later ones winning: (k,) int16, -1 host.
+
+    Kinds of rock of a block model have the numbers after the bodies, which replace what they cover.
+    """
+    body = kinds_or_host(blocks, points, len(bodies))
     for number, solid in enumerate(bodies):
         body[contains(solid, points)] = number
     return body

@@ -27,6 +27,7 @@ from mpm_core.grid.edge_points import EdgePoints, edge_points
 from mpm_core.grid.octree import Classify, all_cells, children, morton_codes
 from mpm_core.grid.splitting import code_of
 from mpm_core.model.occupancy import ALL_SAMPLES, MIN_SAMPLES_KEPT, FinestPieces
+from mpm_core.scene.rock_blocks import block_attributes, check_blocks, read_blocks
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.settings import GridCells, GridSlice
 from mpm_core.stages.stage_memory import require, stage_bytes
@@ -372,6 +373,9 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     values, lost = cells_of_draft(values, solids, later)
     domain = domain_of(values)
     bodies = read_solids(values.rock_bodies, "rock_bodies", domain, values.far_field is not None)
+    blocks = read_blocks(values.blocks) if values.blocks else None
+    if blocks is not None:
+        check_blocks(blocks.blocks)
     first, after = ([solids[number] for number in np.flatnonzero(chosen)] for chosen in (~later, later))
     grid = build_grid(
         domain.lower,
@@ -400,11 +404,13 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     for solid, true, gridded in zip(solids, volume, on_grid, strict=True):
         compare_volumes(solid.name, true, float(gridded), values.grid)
     refuse_under_resolved(share, on_grid, values.grid)
-    across = [cells_across(solid, grid.fine_cell) for solid in solids]
+    top = np.inf if values.plane == "xy" else domain.lower[-1] + grid.shape[-1] * grid.fine_cell
+    across = [cells_across(solid, grid.fine_cell, top) for solid in solids]
     narrow = warn_of_narrow(names, across, on_grid, values.grid)
+    body = bodies_at(bodies, grid.cell_center, blocks)
     return grid_dataset(
         grid,
-        bodies_at(bodies, grid.cell_center),
+        body,
         pieces,
         of_pieces,
         edge_nodes,
@@ -425,6 +431,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
             "draft_would_lose": json.dumps([names[number] for number in lost]),
             "rock_body_names": json.dumps([solid.name for solid in bodies]),
         }
+        | block_attributes(values.blocks, blocks, body - len(bodies), grid.cell_size**dimension)
         | far_field_attributes(values),
         solids,
     )

@@ -20,6 +20,7 @@ from mpm_core.grid.splitting import split
 from mpm_core.model.model import Model, build_model
 from mpm_core.model.occupancy import FinestPieces, Pieces, Unsupported
 from mpm_core.model.openings import Openings
+from mpm_core.scene.rock_blocks import read_blocks
 from mpm_core.scene.scene import Refinement, Scene
 from mpm_core.scene.scene_solids import bodies_at, read_solids
 from mpm_core.stages.state_transfer import transfer_unsupported
@@ -102,10 +103,11 @@ class Ground:
         origin = holding_cells(model.grid, grid.cell_index)
         body = model.body[origin]
         parts = np.flatnonzero(grid.cell_level != model.grid.cell_level[origin])
-        if len(parts) and self.refinement.bodies:
+        refinement = self.refinement
+        if len(parts) and (refinement.bodies or refinement.blocks):
             finest = grid.levels - 1
             domain = Domain(grid.origin, grid.shape >> finest, grid.fine_cell * 2**finest, grid.levels)
-            body[parts] = bodies_at(
-                read_solids(self.refinement.bodies, "rock_bodies", domain, may_miss=True), grid.centers(parts)
-            )
+            bodies = read_solids(refinement.bodies, "rock_bodies", domain, may_miss=True)
+            blocks = read_blocks(refinement.blocks) if refinement.blocks else None
+            body[parts] = bodies_at(bodies, grid.centers(parts), blocks)
         return body

@@ -7,7 +7,7 @@ import pytest
 from report_fixtures import NAMES, STEPS, make_catalog, make_grid, make_state
 
 from catalogs.figures import style, views
-from catalogs.figures.overview import cut_rectangles, overview, write_overview
+from catalogs.figures.overview import cut_rectangles, overview, rock_colours, write_overview
 from catalogs.figures.silhouettes import HALF, SECTIONS
 from catalogs.figures.style import MAX_STEPS_IN_KEY, thinned
 
@@ -54,6 +54,17 @@ def test_key_names_cells_steps_and_events_outside_the_domain(grid, record):
     assert texts(figure)[-2:] == ["history", "2019-08"]
     assert "planned" in found
     assert found[-1] == "60 recorded events\n6 more outside the domain, up to 172,004 m away"
+
+
+def test_each_material_of_a_block_model_has_a_colour_and_the_host_has_none(grid):
+    """The kinds of rock of a model, after one rock body; two kinds are of one material, and one is of no cell."""
+    body = np.arange(grid.sizes["cell"]) % 5 - 1
+    kinds = {"block_materials": json.dumps(["ore", "host", "ore", "dyke"]), "rock_body_names": json.dumps(["lens"])}
+    rock = grid.assign(cell_body=("cell", body.astype(np.int16))).assign_attrs(kinds)
+    found = rock_colours(rock)
+    assert {label: bodies for label, (_, bodies) in found.items()} == {"rock bodies": [0], "blocks: ore": [1, 3]}
+    assert len({colour for colour, _ in found.values()}) == 2
+    assert set(found) <= set(labels(overview(rock, MINED, None)))
 
 
 def test_a_section_and_a_scene_without_record_or_steps(tmp_path):

@@ -14,7 +14,7 @@ from catalogs.report import sections
 from catalogs.report.evidence import ExcavationRow
 from catalogs.report.sections import rock
 from catalogs.report.sections.rock import energy_table
-from catalogs.report.sections.scene import above_cap, by_step, far_field
+from catalogs.report.sections.scene import above_cap, block_model, by_step, far_field
 from catalogs.report.text import number
 from common.datasets import read_dataset
 
@@ -67,6 +67,16 @@ def test_a_derived_domain_is_told_with_what_is_expected_of_it():
     assert "memory" not in told
     assert "memory" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": "memory"}))
     assert "above its strength" in far_field(xr.Dataset(attrs=attributes | {"far_field_limited": "strength"}))
+
+
+def test_a_block_model_is_told_with_the_share_of_each_kind():
+    """The largest first, and how much of the domain has no block."""
+    assert block_model(xr.Dataset()) == ""
+    shares = {"host": 0.125, "ore": 0.5, **{f"kind {number}": 0.01 for number in range(12)}}
+    told = block_model(xr.Dataset(attrs={"block_model": json.dumps({"blocks": 681472, "shares": shares})}))
+    assert "ore 50 %, host 12.5 %, kind 0 1 %" in told
+    assert "and 2 more" in told
+    assert "leave 25.5 % of the domain free" in told
 
 
 def test_more_cells_than_the_cap_are_told():

@@ -192,3 +192,24 @@ def test_bands_along_the_grid_are_told_where_their_mirror_images_are_fewer(mine,
     assert len(found) == bool(said)
     assert not found or said in found[0]
     assert not found or f"in {along} bands" in found[0]
+
+
+def test_banner_names_excavations_with_nothing_left_to_mine(mine, tmp_path):
+    """A pushback of which an earlier step has mined all: its pieces are those of the one before."""
+    assert "nothing is left to mine" not in warnings_of(mine)
+    grid = read_dataset(mine.grid)
+    first = np.flatnonzero(grid["piece_excavation"].values == 0)
+    again = grid.isel(piece=first).assign(piece_excavation=("piece", np.full(len(first), 1, np.int16)))
+    own = grid.isel(piece=np.flatnonzero(grid["piece_excavation"].values != 1))
+    both = {
+        name: (grid[name].dims, np.concatenate([own[name].values, again[name].values]))
+        for name in grid
+        if "piece" in grid[name].dims
+    }
+    order = np.argsort(both["piece_excavation"][1], kind="stable")
+    rest = grid.drop_vars(list(both))
+    write_dataset(
+        rest.assign({name: (dims, values[order]) for name, (dims, values) in both.items()}), tmp_path / "g.nc"
+    )
+    said = warnings_of(mine, grid=tmp_path / "g.nc")
+    assert "stope_1: nothing is left to mine there. Others have mined all of it" in said

@@ -3,6 +3,8 @@
 The template is "scene.html.j2".
 """
 
+import json
+
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -14,6 +16,7 @@ from catalogs.report.evidence import Evidence, ExcavationRow
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import whole
 
+MAX_KINDS_LISTED = 12
 MIN_SHARED = 1e-6  # Share of a solid that others mine; less is round-off.
 
 
@@ -30,6 +33,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "table": level_table(evidence.grid),
         "above_cap": above_cap(evidence),
         "far_field": far_field(evidence.grid),
+        "blocks": block_model(evidence.grid),
         "excavations": rows,
         "shared": any(row.fill_mined > 0.0 or row.drawn - row.mined > MIN_SHARED * row.drawn for row in rows),
         "steps": by_step(rows) if len(rows) > sections.MAX_ROWS_UNFOLDED else [],
@@ -91,6 +95,24 @@ def far_field(grid: xr.Dataset) -> str:
     return (
         f"The domain follows from the openings: its boundary is {distance:.0f} m from the nearest of them. In elastic "
         f"rock it changes the stress at a wall by at most {error:.2g} % of the largest (closed-form estimate).{short}"
+    )
+
+
+def block_model(grid: xr.Dataset) -> str:
+    """Sentences on rock from a block model: how many blocks, and the share of the domain that each kind of rock has;
+    empty without one."""
+    if "block_model" not in grid.attrs:
+        return ""
+    found = json.loads(grid.attrs["block_model"])
+    shares = sorted(found["shares"].items(), key=lambda one: -one[1])
+    text = ", ".join(f"{name} {100 * share:.3g} %" for name, share in shares[:MAX_KINDS_LISTED])
+    more = len(shares) - MAX_KINDS_LISTED
+    text += f" and {more} more" if more > 0 else ""
+    beyond = 1.0 - sum(found["shares"].values())
+    outside = f" The blocks leave {100 * beyond:.3g} % of the domain free; that is host." if beyond > MIN_SHARED else ""
+    return (
+        f"The rock is from a block model of {whole(found['blocks'])} blocks. A cell takes the rock of the block that "
+        f"its middle lies in. Shares of the domain's volume: {text}.{outside}"
     )
 
 

@@ -107,6 +107,12 @@ def _solids(evidence: Evidence) -> Iterator[Banner]:
         )
         brief = f"the grid misses the volume of {_few([name for _, name in off])}"
         yield Banner("volume", text, brief, finer_cells(evidence))
+    if idle := [row.name for row in rows if row.drawn > 0 and row.mined == 0 and row.fill_mined == 0]:
+        text = (
+            f"{_named(idle)}: nothing is left to mine there. Others have mined all of it, in an earlier step or in the "
+            "same one. Check the steps of these excavations, and whether their solids are those of a later stage."
+        )
+        yield Banner("volume", text, f"nothing left to mine: {_few(idle)}")
     opened = sorted(((row.open, row.name) for row in rows if row.open > MAX_OPEN_SHARE), reverse=True)
     if opened:
         named = _named([f"{name} {percent(share)}" for share, name in opened])

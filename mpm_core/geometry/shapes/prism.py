@@ -119,7 +119,7 @@ class Prism(Shape):
         ]
         places = np.concatenate([vertices[:, [0, 1, 2]], vertices[:, [0, 1, 3]]])
         plan = [ring[:, :2] for ring in rings]
-        for cap in (_triangulate(plan), _fans(plan)):  # fans serve any polygon, even a self-crossing one
+        for cap in (triangulate(plan), _fans(plan)):  # fans serve any polygon, even a self-crossing one
             facets = np.concatenate([*walls, cap[:, ::-1], cap + count])
             if Solid("prism", places, facets).is_closed:
                 break
@@ -193,7 +193,7 @@ def _straight(polygon: np.ndarray) -> np.ndarray:
     return np.abs(turn) <= MIN_CORNER_SHAPE * ((before**2).sum(axis=1) + (after**2).sum(axis=1))
 
 
-def _triangulate(rings: list[np.ndarray]) -> np.ndarray:
+def triangulate(rings: list[np.ndarray]) -> np.ndarray:
     """Triangles (triangle, 3) of a simple counterclockwise polygon (point, 2) less its holes: rows of all rings."""
     from ezdxf.math.triangulation import mapbox_earcut_2d
 
