@@ -59,7 +59,10 @@ def read_rows(schedule: Schedule, path: Path, mistakes: Mistakes) -> list[Row]:
     names = {key: name for key, name in names.items() if name in table.rows}
     cells = {key: table.rows[name].fillna("").str.strip() for key, name in names.items()}
     cells |= {key: table.text(names[key]) for key in DATED if key in names}
-    table.words(names["body"])  # letters of a known encoding
+    try:
+        table.words(names["body"])  # letters of a known encoding
+    except InputError as error:
+        raise InputError(f"schedule.file: {error}") from error
     times = _times(schedule, cells, table.source, mistakes)
     rows = []
     for number, body in enumerate(cells["body"]):

@@ -198,6 +198,12 @@ def test_dates_of_both_kinds_are_read_where_nothing_was_exchanged(mine, tmp_path
     assert [step for step, _ in steps_of(made).values()] == [f"2024-0{month}" for month in (2, 3, 3, 4, 5, 1)]
 
 
+def test_letters_of_an_unknown_encoding_are_one_line(lines, tmp_path):
+    (tmp_path / "year.csv").write_bytes("body;end\nSchräg;planned\n".encode("cp1252"))
+    write_dxf(tmp_path / "one.dxf", ["Schräg"])
+    assert lines(None, solids=[{"file": "one.dxf"}])[0].startswith("schedule.file: year.csv: column 'body': 'Schräg'?")
+
+
 def test_a_name_of_a_column_may_have_two_lines(mine):
     table = 'body,"start\nof mining",end\nA,,2024-01-20\nB,,planned\nC,,planned\nD,,planned\n'
     assert steps_of(mine(table, columns={"start": "start of mining"}))["A"] == ("2024-01", "")
