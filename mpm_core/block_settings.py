@@ -93,7 +93,7 @@ class BlockModel(Settings):
     size: Sizes = None
     """Sides of all blocks along x, y and z, for a CSV file that has no columns of them."""
     angle: Annotated[float, Unit("deg", ge=-360, le=360)] = None
-    """Angle from y to the second axis of the blocks in a CSV file, clockwise seen from above. The sides dx, dy and dz
+    """Angle from y of a CSV file, towards its x, to the second axis of the blocks. The sides dx, dy and dz
     are along the axes of the blocks. Default: 0 deg."""
     units: Literal["m", "ft", "us_ft"] = None
     """Unit of the file's coordinates and sides. Default: that of an OMF project, that of frame.grid, or m."""

@@ -23,6 +23,7 @@ READING = (  # Parts of such folders that read what others made. They change no 
         for name in "blocks block_files dxf gocad meshes omf_blocks omf_files open_pits parts solid_files".split()
     ),
     *(
+        "mpm_core/block_settings.py",
         "mpm_core/scene/rock_blocks.py",
         "mpm_core/scene/scene_solids.py",
         "catalogs/records",

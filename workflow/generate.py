@@ -89,6 +89,13 @@ frame:  # how-to page mine-grids.md
   surface: 5600 ft
   grid: {units: ft, angle: 32 deg, origin: {grid: [10000 ft, 20000 ft], map: [600000 m, 7100000 m]}}
 """
+BLOCKS = """\
+block_model:  # how-to page block-models.md
+  file: blocks.csv
+  classes: {column: ROCK, materials: {ORE: ore, PORPHYRY: stiff}, others: host}
+  properties:
+    youngs_modulus: {column: E_GPA, unit: GPa, values: [30, 45, 60]}
+"""
 DEMO, ELK_CREEK, RENISON, YEAR = (
     f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale", "stoping_year")
 )
@@ -99,8 +106,14 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
         ((DEMO, "frame"), TURNED_GRID, (DEMO, "grid"), (ELK_CREEK, "domain")),
     ),
     "Stress and rock": (
-        ("insitu_stress", "materials", "rock_bodies"),
-        ((DEMO, "insitu_stress"), PRINCIPAL, (DEMO, "materials"), ("config/verification/fault.yaml", "rock_bodies")),
+        ("insitu_stress", "materials", "rock_bodies", "block_model"),
+        (
+            (DEMO, "insitu_stress"),
+            PRINCIPAL,
+            (DEMO, "materials"),
+            ("config/verification/fault.yaml", "rock_bodies"),
+            BLOCKS,
+        ),
     ),
     "Solids and mining": (
         ("excavations", SHAPE, "steps", "schedule", "excavations_from"),
