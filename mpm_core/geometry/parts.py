@@ -5,9 +5,7 @@ number whatever the outline of the cut is: where it is not convex, they overlap 
 """
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+import scipy  # imports its parts as they are used, which small stages would wait for
 
 from common.errors import InputError
 from mpm_core.geometry.solids import Solid, unique_rows
@@ -51,7 +49,7 @@ def _level(vertices: np.ndarray, facets: np.ndarray, direction: np.ndarray, volu
 
     # Just beyond the solid, as corners in the plane count as above it.
     bounds = np.array([heights.min(), heights.max()]) + np.ptp(heights) * np.array([-MARGIN, MARGIN])
-    return float(brentq(missing, *bounds, xtol=LEVEL_ERROR * np.ptp(bounds), rtol=LEVEL_ERROR))
+    return float(scipy.optimize.brentq(missing, *bounds, xtol=LEVEL_ERROR * np.ptp(bounds), rtol=LEVEL_ERROR))
 
 
 def _cut(
@@ -106,8 +104,8 @@ def _cap(vertices: np.ndarray, rim: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     used, ends = np.unique(rim, return_inverse=True)
     ends = ends.reshape(-1, 2)
     _, same = unique_rows(vertices[used])
-    links = coo_matrix((np.ones(len(ends)), same[ends].T), shape=(len(used), len(used)))
-    _, outline = connected_components(links, directed=False)
+    links = scipy.sparse.coo_matrix((np.ones(len(ends)), same[ends].T), shape=(len(used), len(used)))
+    _, outline = scipy.sparse.csgraph.connected_components(links, directed=False)
     _, outline = np.unique(outline[same[ends[:, 0]]], return_inverse=True)
     count = np.bincount(outline)
     middle = np.stack([np.bincount(outline, weights=vertices[rim[:, 0], axis]) for axis in range(3)], axis=1)
