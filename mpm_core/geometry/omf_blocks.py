@@ -42,12 +42,17 @@ class Grid(NamedTuple):
 
 
 def read_block_omf(
-    path: Path, element: str | None, counted_first: str | None, unit: float | None, wanted: Iterable[str]
+    path: Path,
+    element: str | None,
+    counted_first: str | None,
+    unit: float | None,
+    wanted: Iterable[str],
+    unstated: float = 1.0,
 ) -> BlockTable:
     """The block model `element` of an OMF project, or its only one.
 
-    counted_first: "u" or "w", which index OMF 1 counts first; unit: m of its numbers, None: as it states, else 1;
-    wanted: names of its data. Raises InputError.
+    counted_first: "u" or "w", which index OMF 1 counts first; unit: m of its numbers, None: as it states, else
+    `unstated`; wanted: names of its data. Raises InputError.
     """
     content = path.read_bytes()
     is_2 = content.startswith(ARCHIVE)
@@ -59,7 +64,7 @@ def read_block_omf(
         raise InputError(
             "is of OMF 1, which does not say how blocks are counted: give block_model.counted_first, u or w"
         )
-    metres = unit if unit is not None else own_unit if own_unit is not None else 1.0
+    metres = unit if unit is not None else own_unit if own_unit is not None else unstated
     if np.isnan(metres):
         raise InputError("is drawn in a unit that no mine is drawn in: give block_model.units")
     if absent := [name for name in wanted if name not in grid.data]:

@@ -93,7 +93,8 @@ def _table(settings: PlacedBlocks, path: Path, grid: GridMap) -> BlockTable:
         if given:
             raise InputError(f"an OMF project has blocks of its own: leave block_model.{given[0]} out")
         stated = METRES_PER_UNIT[settings.units] if settings.units else None
-        return _damaged(lambda: read_block_omf(path, settings.element, settings.counted_first, stated, wanted))
+        first, unstated = settings.counted_first, grid.metres_per_unit
+        return _damaged(lambda: read_block_omf(path, settings.element, first, stated, wanted, unstated))
     for_omf = [key for key in ("element", "counted_first") if key in settings.model_fields_set]
     if for_omf:
         raise InputError(f"block_model.{for_omf[0]} is for OMF projects: leave it out")

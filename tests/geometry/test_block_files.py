@@ -13,8 +13,10 @@ import pytest
 
 from common.errors import InputError
 from common.mine_grid import SAME_AS_MAP, GridMap
+from mpm_core.block_settings import PlacedBlocks
 from mpm_core.geometry.block_files import read_block_csv
 from mpm_core.geometry.omf_blocks import read_block_omf
+from mpm_core.scene.rock_blocks import read_blocks
 
 SIDE = np.array([10.0, 5.0, 2.5])
 INDEX = np.stack(np.meshgrid(range(4), range(3), range(2), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -175,6 +177,15 @@ def write_omf_2(path, geometry: dict, attributes: dict, arrays: dict, **project)
         archive.comment = b"Open Mining Format 2.0"
 
 
+def test_omf_without_a_unit_has_that_of_the_mines_grid(tmp_path):
+    """As solids have. A stated one counts more."""
+    geometry = {"orient": {"origin": [100.0, 0.0, 0.0]}, "grid": {"type": "Regular", "size": [1] * 3, "count": [1] * 3}}
+    for units, metres in (("", 0.3048), ("metres", 1.0)):
+        write_omf_2(tmp_path / "a.omf", geometry, [], {}, units=units)
+        model = {"file": str(tmp_path / "a.omf"), "material": "host", "grid": {"units": "ft"}}
+        assert read_blocks(PlacedBlocks.of(model, "block_model")).blocks.origin[0] == 100.0 * metres
+
+
 def place(name: str, count: int) -> dict:
     return {"filename": name, "item_count": count}
 
@@ -198,6 +209,7 @@ def test_omf_2_regular_grid_counts_u_first(tmp_path):
     )
     table = read_block_omf(tmp_path / "a.omf", "model", None, None, ["ROCK"])
     assert table.columns["ROCK"].tolist() == ["ORE"] * 23 + [""]
+    assert read_block_omf(tmp_path / "a.omf", None, None, 0.3048, []).blocks.origin[0] == 30.48
     points = np.array([[101.0, 1001.0, 1.0], [111.0, 1001.0, 1.0], [101.0, 1006.0, 1.0], [101.0, 1001.0, 3.0]])
     assert table.blocks.at(points).tolist() == [0, 1, 4, 12]
 
