@@ -4,10 +4,12 @@ It is written beside the table when the table is written, and pages of docs/stud
 """
 
 import json
+import re
 import subprocess
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -16,20 +18,10 @@ from common.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = "made.json"
-NUMERICS = ("mpm_core", "seismic")  # Results of most studies may change with these folders.
-READING = (  # Parts of such folders that read what others made. They change no result of a study.
-    *(
-        f"mpm_core/geometry/{name}.py"
-        for name in "blocks block_files dxf gocad meshes omf_blocks omf_files open_pits parts solid_files".split()
-    ),
-    *(
-        "mpm_core/block_settings.py",
-        "mpm_core/scene/rock_blocks.py",
-        "mpm_core/scene/scene_solids.py",
-        "catalogs/records",
-        "catalogs/sources/geographic_frame.py",
-    ),
-)
+PINS = "tests/golden"
+GOLDEN = (f"{PINS}/tiny.json", f"{PINS}/demo.json")  # That of Elk Creek needs recorded data.
+MECHANICS = re.compile(r"/(?:(?:grid|elastic)\.nc|(?:steps|events)/)")  # Results of the mechanics, in paths of pins.
+NUMERICS = (PINS,)  # Results of most studies may change with what is pinned of the mechanics.
 UNKNOWN, DIRTY = "unknown", "-dirty"
 COMMIT_LENGTH = 7
 
@@ -77,13 +69,27 @@ def oldest(made: Iterable[Made]) -> Made:
 
 
 def is_older(commit: str, folders: Iterable[str] = NUMERICS) -> bool:
-    """True if folders changed, beyond READING, since a commit, or if that is not known.
+    """True if folders changed since a commit, or if that is not known; of PINS, what is pinned of the mechanics.
 
     Changes that were not committed when a table was made count if they are committed now.
     """
-    since = f"{commit.removesuffix(DIRTY)}..HEAD"
-    beside = (f":(exclude){path}" for path in READING if path not in folders)
-    return _git("log", "-1", "--format=%h", since, "--", *folders, *beside) != ""
+    commit, folders = commit.removesuffix(DIRTY), list(folders)
+    if PINS in folders and ((before := pinned_mechanics(commit)) is None or before != pinned_mechanics("HEAD")):
+        return True
+    others = [folder for folder in folders if folder != PINS]
+    return bool(others) and _git("log", "-1", "--format=%h", f"{commit}..HEAD", "--", *others) != ""
+
+
+@cache
+def pinned_mechanics(commit: str) -> dict[str, dict] | None:
+    """What GOLDEN pins of the mechanics at a commit, by the path of a result; None where that is not known."""
+    found: dict[str, dict] = {}
+    for path in GOLDEN:
+        text = _git("show", f"{commit}:{path}")
+        if text is None:
+            return None
+        found |= {name: pins for name, pins in json.loads(text)["files"].items() if MECHANICS.search(name)}
+    return found
 
 
 def _git(*words: str) -> str | None:

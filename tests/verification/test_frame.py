@@ -216,42 +216,59 @@ def git(folder: Path, *words: str) -> str:
 
 @pytest.fixture
 def checkout(tmp_path, monkeypatch) -> Path:
-    """A checkout with one commit of the mechanics, which takes the place of this one."""
+    """A checkout with one commit of pinned results, which takes the place of this one."""
     monkeypatch.setattr(made, "ROOT", tmp_path)
+    made.pinned_mechanics.cache_clear()
     git(tmp_path, "init", "-q")
-    (tmp_path / "mpm_core").mkdir()
-    for name in ("mpm_core/law.py", "mpm_core/geometry/dxf.py", "page.md"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text("one\n")
+    (tmp_path / made.PINS).mkdir(parents=True)
+    (tmp_path / "catalogs").mkdir()
+    for name in made.GOLDEN:
+        write_pins(tmp_path / name, "one", "one")
+    (tmp_path / "catalogs/law.py").write_text("one\n")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-q", "-m", "one")
     return tmp_path
 
 
-def test_results_are_older_once_the_numerics_have_changed(checkout):
-    """Not where another file has, or a reader of files; a commit that is not known counts as older, and what was not
+def write_pins(golden: Path, state: str, page: str) -> None:
+    """A golden file with one variable of a state, and one line of a page."""
+    pins = {"tiny/steps/2019-08.nc": {"stress": ["float64 (particle 5)", state, 5, 0, 1, 2]}}
+    golden.write_text(json.dumps({"processor": {}, "files": pins | {"tiny/report.html": {"Steps": [page]}}}))
+
+
+def commit_all(checkout: Path) -> str:
+    """Commit what has changed. Returns the commit."""
+    git(checkout, "commit", "-q", "-a", "-m", "more")
+    made.pinned_mechanics.cache_clear()
+    return Made.now().commit
+
+
+def test_results_are_older_once_a_pinned_result_of_the_mechanics_has_changed(checkout):
+    """Not where another file has, or a pinned page; a commit that is not known counts as older, and what was not
     committed does."""
-    commit = Made.now().commit
-    assert not is_older(commit)
-    for name in ("mpm_core/geometry/dxf.py", "page.md"):
-        (checkout / name).write_text("two\n")
-    assert Made.now().commit == f"{commit}-dirty"
-    git(checkout, "commit", "-q", "-a", "-m", "two")
-    assert not is_older(commit)
-    (checkout / "mpm_core/law.py").write_text("three\n")
+    golden, first = checkout / made.GOLDEN[1], Made.now().commit
+    assert not is_older(first)
+    write_pins(golden, "one", "two")
+    (checkout / "catalogs/law.py").write_text("two\n")
+    assert Made.now().commit == f"{first}-dirty"
+    commit_all(checkout)
+    assert not is_older(first)
+    assert is_older(first, ("catalogs",))  # which an answer without scenes names
+    assert is_older(first, (*made.NUMERICS, "catalogs"))
+    write_pins(golden, "two", "two")
     dirty = Made.now().commit
-    git(checkout, "commit", "-q", "-a", "-m", "three")
-    assert is_older(commit)
+    last = commit_all(checkout)
+    assert is_older(first)
     assert is_older(dirty)
-    assert is_older(dirty, ("catalogs", "mpm_core"))
-    assert not is_older(dirty, ("catalogs",))  # which an answer without scenes names
-    assert not is_older(Made.now().commit)
+    assert not is_older(dirty, ("catalogs",))
+    assert not is_older(last)
     assert is_older("0123456")
     assert oldest([MADE, Made("x", "2026-01-01T00:00:00+00:00", "", "")]).commit == "x"
 
 
 def test_outside_of_a_checkout_no_commit_is_known(tmp_path, monkeypatch):
     monkeypatch.setattr(made, "ROOT", tmp_path)
+    made.pinned_mechanics.cache_clear()
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     assert Made.now().commit == "unknown"
     assert is_older("unknown")
