@@ -44,6 +44,9 @@ The first table has all keys of the file's first level. The parts after it are o
 examples.
 
 """
+CHAINAGE = """\
+openings: {chainage: 10 m}
+"""
 FROM_FILES = """\
 excavations:
   - {name: stope, step: history, file: stopes.dxf, layer: S1, units: ft, scale: 1, offset: [0 m, 0 m, 0 m]}
@@ -124,6 +127,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison", "face"), ((DEMO, "record"), FACE)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),
+    "Openings": (("openings",), (CHAINAGE,)),
     "Baselines": (("baselines",), (FLAWS,)),
     "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),
 }

@@ -295,6 +295,22 @@ class Mine(MineConfiguration):
                 openings.append({"name": entry.name, **dated})
         return openings
 
+    def openings_slice(self) -> dict:
+        """Settings of stage `openings`: steps, what they mine and fill, axes of drives, virgin stress."""
+        excavations = []
+        for entry in self.excavations:
+            shape, steps = self._shape(entry), self.mined_steps
+            filled = entry.fill_step if entry.fill_material is not None and entry.fill_step in steps else ""
+            own = {"name": entry.name, "mined": entry.step if entry.step in steps else "", "filled": filled}
+            axis = shape.get("path") or ([shape["start"], shape["end"]] if "start" in shape else None)
+            excavations.append(own | ({"path": axis} if axis and self.plane is None else {}))
+        return {
+            "steps": [{"name": name, **self._dates(name)} for name in self.mined_steps],
+            "excavations": excavations,
+            "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
+            "chainage": self.settings.openings.chainage,
+        }
+
     def report_slice(self) -> dict:
         """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress, grid."""
         grid = self.settings.frame.grid

@@ -39,6 +39,7 @@ from mpm_core.settings import (
     SolverSettings,
 )
 from plans.settings import HazardSettings
+from response.settings import OpeningSettings
 from seismic.event_settings import SeismicSettings
 
 MINE_FILE_PLAN = "mine_file"  # name of the plan that the mine file itself is
@@ -355,6 +356,8 @@ class MineSettings(Settings):
     forecasts: Annotated[tuple[str, ...], AsTuple] = ()
     """Kept forecasts, relative to the mine file: files of `results/<mine>/forecasts`, made before their months were
     recorded. The report scores them once these are recorded."""
+    openings: OpeningSettings = OpeningSettings()
+    """What the table of openings gives."""
     hazard: HazardSettings = HazardSettings()
     """Classes of sizes, distances and chances that the plans are judged by."""
 

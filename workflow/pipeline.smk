@@ -8,6 +8,7 @@ min_version("9.0")
 include: "rules/common.smk"
 include: "rules/mechanics.smk"
 include: "rules/catalogue.smk"
+include: "rules/response.smk"
 include: "rules/comparison.smk"
 include: "rules/requests.smk"
 include: "rules/calibration.smk"

@@ -68,6 +68,7 @@ class ResultFiles:
             "event_rules.nc": self.has_catalog,
             "catalog.xml": self.has_quakeml,
             "record.nc": self.has_record,
+            "openings.csv": bool(self.mine.mined_steps),
         }
         files = [self.own(file) for file in made if made[file]]
         return [*stage_results(self.mine.name, self.mine), *files, *self.compared]

@@ -123,7 +123,7 @@ def test_a_changed_value_makes_jobs_of_its_stages_alone(spoiled, base, leave_emp
     before = {path.relative_to(folder).as_posix() for path in folder.rglob("*.json")}
     assert {name.rpartition("/")[0] for name in before} == {
         *("grid", "elastic", "step/history", "step/2019-08"),
-        *("events", "catalogue", "record", "comparison", "report"),
+        *("events", "catalogue", "record", "openings", "comparison", "report"),
     }
     with edited(base / "files" / "tiny.yaml", changed(TINY, **{"record.filter.minimum_potency": "1e-4 m^3"})) as file:
         status, text = snakemake(file, spoiled, interpreter=leave_empty)

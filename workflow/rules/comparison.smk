@@ -43,6 +43,7 @@ rule report:
             catalog=FILES.own("catalog.nc") if FILES.has_catalog else [],
             event_rules=FILES.own("event_rules.nc") if FILES.has_catalog else [],
             record=FILES.if_recorded("record.nc"),
+            openings=FILES.own("openings.nc") if MINE.mined_steps else [],
             **FILES.comparisons(),
         ),
     output:

@@ -1,0 +1,48 @@
+"""The table of openings, openings.nc: what each step has done to each side of each excavation, and along each drive.
+
+A row is a side of an excavation after a step: its roof, walls, floor or face, or `all` of them together. Rows with a
+chainage are stretches of a drive.
+"""
+
+import os
+
+import numpy as np
+import xarray as xr
+
+from common.datasets import read_dataset
+from common.fields import TEXT, Field
+
+SIDES = ("roof", "walls", "floor", "face")
+ALL = "all"
+ROWS = ("row",)
+FIELDS = (
+    Field("step", ROWS, TEXT, "", "step after which the row holds"),
+    Field("excavation", ROWS, TEXT, "", "name of the excavation"),
+    Field("side", ROWS, TEXT, "", f"{', '.join(SIDES)} or {ALL}"),
+    Field("chainage_from", ROWS, np.float64, "m", "start of the stretch along the drive; NaN: the whole excavation"),
+    Field("chainage_to", ROWS, np.float64, "m", "end of the stretch along the drive"),
+    Field("filled", ROWS, np.int8, "1", "1 where the excavation has been filled"),
+    Field("wall_area", ROWS, np.float64, "m2", "area of its walls with rock behind them"),
+    Field("depth_largest", ROWS, np.float64, "m", "largest depth of failure, along the wall's normal"),
+    Field("depth_p90", ROWS, np.float64, "m", "depth of failure that nine tenths of the wall do not exceed"),
+    Field("depth_mean", ROWS, np.float64, "m", "mean depth of failure over the wall"),
+    Field("through_share", ROWS, np.float64, "1", "share of the wall whose failed rock reaches another opening"),
+    Field("failed_volume", ROWS, np.float64, "m3", "volume of the failed rock to which this wall is nearest"),
+    Field("failed_volume_step", ROWS, np.float64, "m3", "part of it that failed in this step"),
+    Field("closure_largest", ROWS, np.float64, "m", "largest closure of opposite walls since they were mined"),
+    Field("closure_median", ROWS, np.float64, "m", "median closure of opposite walls since they were mined"),
+    Field("closure_radial", ROWS, np.float64, "m", "mean inward displacement of the walls since they were mined"),
+    Field("major_stress", ROWS, np.float64, "MPa", "largest compression in the first intact rock, mean over the wall"),
+    Field("major_stress_change", ROWS, np.float64, "MPa", "what it has changed by since virgin rock"),
+    Field("strength_factor", ROWS, np.float64, "1", "least strength over stress of the first intact rock"),
+    Field("events_modelled", ROWS, np.int64, "1", "modelled events of the step to which this wall is nearest"),
+    Field("events_recorded", ROWS, np.int64, "1", "recorded events of the step's dates to which this wall is nearest"),
+)
+
+
+def read_openings(path: str | os.PathLike) -> xr.Dataset:
+    """The table of openings. Raises InputError for a file of another version."""
+    table = read_dataset(path)
+    for field in FIELDS:
+        field.check(table, os.fspath(path))
+    return table

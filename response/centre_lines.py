@@ -1,0 +1,118 @@
+"""Centre lines of drives: by their path where the mine file has one, else from the cells that they fill."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+import xarray as xr
+from numpy.typing import NDArray
+
+MIN_SLENDERNESS = 4.0  # Length over width from which an excavation counts as a drive.
+WIDTHS_PER_POINT = 1.0  # Distance of the points of a line that is found from cells, in widths of the drive.
+MIN_SHARE = 0.5  # Of a finest cell that is part of a drive.
+
+
+@dataclass(frozen=True)
+class CentreLine:
+    """A polyline, point (k, xyz) m, k >= 2, no two neighbours alike. Chainage is 0 at its first point."""
+
+    point: NDArray
+
+    @property
+    def length(self) -> float:
+        """Its length, m."""
+        return float(np.linalg.norm(np.diff(self.point, axis=0), axis=1).sum())
+
+    def project(self, place: NDArray) -> tuple[NDArray, NDArray]:
+        """Chainage (n,) m of the nearest point of the line, which ends where it ends, and the direction (n, xyz) of
+        the stretch there, of points (n, xyz) m."""
+        start, stretch = self.point[:-1], np.diff(self.point, axis=0)
+        length = np.linalg.norm(stretch, axis=1)
+        along = stretch / length[:, None]
+        before = np.append(0.0, np.cumsum(length)[:-1])
+        chainage, direction = np.zeros(len(place)), np.zeros((len(place), 3))
+        nearest = np.full(len(place), np.inf)
+        for index in range(len(start)):
+            off = place - start[index]
+            on_line = np.clip(off @ along[index], 0.0, length[index])
+            distance = np.linalg.norm(off - on_line[:, None] * along[index], axis=1)
+            closer = distance < nearest
+            nearest[closer] = distance[closer]
+            chainage[closer] = before[index] + on_line[closer]
+            direction[closer] = along[index]
+        return chainage, direction
+
+    def at(self, chainage: NDArray) -> NDArray:
+        """Points (n, xyz) m of the line at chainages (n,) m."""
+        length = np.linalg.norm(np.diff(self.point, axis=0), axis=1)
+        knots = np.append(0.0, np.cumsum(length))
+        return np.stack([np.interp(chainage, knots, column) for column in self.point.T], axis=1)
+
+
+def centre_lines(grid: xr.Dataset, paths: Sequence[NDArray | None]) -> list[CentreLine | None]:
+    """Centre line of each excavation that is a drive, in the order of grid.nc; None for others.
+
+    paths: points along each excavation that the mine file gives, None where it gives none. An excavation without one is
+    a drive if it is MIN_SLENDERNESS times as long as wide, and no loop.
+    """
+    lines: list[CentreLine | None] = []
+    for index, path in enumerate(paths):
+        if path is not None:
+            lines.append(CentreLine(_distinct(np.asarray(path, float))))
+        else:
+            lines.append(_line_of_cells(grid, index) if grid.attrs["plane"] == "none" else None)
+    return lines
+
+
+def _distinct(points: NDArray) -> NDArray:
+    """Points (k, xyz) without those that repeat the one before."""
+    return points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))]
+
+
+def _line_of_cells(grid: xr.Dataset, excavation: int) -> CentreLine | None:
+    """Centre line through the cells of an excavation: their middles at equal distances along it, from end to end.
+
+    The distance of a cell from one end runs through the cells of the excavation. Both ends are found by going to the
+    farthest cell twice. Chainage begins at the end that comes first by x, then y.
+    """
+    edge, corner = float(grid.attrs["fine_cell"]), np.asarray(grid.attrs["domain_lower"])
+    own = (grid["piece_excavation"].values == excavation) & (grid["piece_fraction"].values > MIN_SHARE)
+    if own.sum() < MIN_SLENDERNESS:
+        return None
+    cell = np.unique(np.rint((grid["piece_origin"].values[own] - corner) / edge).astype(np.int64), axis=0)
+    graph = _neighbours(cell)
+    first = int(np.argmax(_from(graph, 0)))
+    away = _from(graph, first)
+    last = int(np.argmax(np.where(np.isfinite(away), away, -1.0)))
+    away, length = away * edge, away[last] * edge
+    if not np.isfinite(away).all() or length <= 0.0:
+        return None  # in several parts
+    width = np.sqrt(len(cell) * edge**3 / length)
+    if length < MIN_SLENDERNESS * width:
+        return None
+    middle = corner + (cell + 0.5) * edge
+    count = max(int(length / (WIDTHS_PER_POINT * width)), 2)
+    bin_of = np.minimum((away / length * count).astype(int), count - 1)
+    size = np.bincount(bin_of, minlength=count)
+    points = np.stack([np.bincount(bin_of, column, minlength=count) for column in middle.T], axis=1)
+    means: NDArray = points[size > 0] / size[size > 0][:, None]
+    points = np.concatenate([[2 * means[0] - means[1]], means, [2 * means[-1] - means[-2]]])  # to the ends
+    points[0], points[-1] = 0.5 * (points[0] + points[1]), 0.5 * (points[-1] + points[-2])
+    return CentreLine(points if tuple(points[0]) < tuple(points[-1]) else points[::-1].copy())
+
+
+def _neighbours(cell: NDArray) -> scipy.sparse.csr_matrix:
+    """Graph of cells (cell, xyz) that touch, weighted by the distance of their middles, in cells."""
+    import scipy.spatial
+
+    pairs = scipy.spatial.cKDTree(cell).query_pairs(1.8, output_type="ndarray")  # faces, edges and corners: sqrt(3)
+    apart = np.linalg.norm((cell[pairs[:, 0]] - cell[pairs[:, 1]]).astype(float), axis=1)
+    return scipy.sparse.csr_matrix((apart, (pairs[:, 0], pairs[:, 1])), shape=(len(cell), len(cell)))
+
+
+def _from(graph: scipy.sparse.csr_matrix, start: int) -> NDArray:
+    """Distance (cell,) of each cell from one of them along the graph, in cells; infinite where there is no way."""
+    import scipy.sparse.csgraph
+
+    return scipy.sparse.csgraph.dijkstra(graph, directed=False, indices=start)

@@ -1,0 +1,188 @@
+"""The rock of a state at any point: which cell and particle are there, whether they are open, failed or intact, and how
+far they have moved."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from common.voigt import tensor_from_voigt
+from mpm_core.files.state_datasets import read_grid
+from mpm_core.geometry.inside import SAMPLES_PER_CELL
+from mpm_core.grid.adjacency import NO_CELL, holding_cells
+from mpm_core.grid.mesh import BIT_ORDER
+
+OUTSIDE, MINED, INTACT, FAILED = range(4)  # What is at a point. Rock that has fallen counts as failed.
+NEWTON_STEPS = 6  # For the place in a distorted cell; its corners are moved by less than half of its edge.
+ROUND_OFF = 1e-9  # Edges of a cell by which the corners of a cube may seem to be moved.
+CONVERGED = 1e-6  # Edges of a cell by which a place may be off.
+MIN_JACOBIAN = 1e-3  # Below it a step of Newton's method would lead anywhere.
+MAX_CONTINUED = 0.5  # Edges of a cell by which its functions are continued beyond it.
+VARIABLES = {
+    *("cell_origin", "cell_size", "cell_level", "cell_nodes", "cell_body", "node_position", "node_parents"),
+    *("cell", "volume", "excavation", "position", "failed", "stress", "strength_factor", "node_displacement"),
+    "loose_cell",
+}
+"""Variables of a state that Rock reads."""
+
+
+@dataclass(frozen=True)
+class Voids:
+    """Parts of finest cells that excavations have mined.
+
+    code (k,) int64 ascending, one for each cell; samples (k,) uint64, one bit for each of its 64 sub-cells; shape (d,):
+    finest cells of the domain along each axis.
+    """
+
+    code: NDArray
+    samples: NDArray
+    shape: NDArray
+
+    @classmethod
+    def of(cls, grid: xr.Dataset, is_mined: NDArray) -> "Voids":
+        """Of the excavations of grid.nc that have been mined, and filled or not, is_mined (excavation,) bool."""
+        axes, edge = axes_of(grid), float(grid.attrs["fine_cell"])
+        lower, upper = (np.asarray(grid.attrs[f"domain_{end}"])[axes] for end in ("lower", "upper"))
+        shape = np.rint((upper - lower) / edge).astype(np.int64)
+        own = np.flatnonzero(is_mined[grid["piece_excavation"].values])
+        place = np.rint((grid["piece_origin"].values[own][:, axes] - lower) / edge).astype(np.int64)
+        code, row = np.unique(np.ravel_multi_index(place.T, shape), return_inverse=True)
+        samples = np.zeros(len(code), np.uint64)
+        np.bitwise_or.at(samples, row, grid["piece_samples"].values[own])
+        return cls(code, samples, shape)
+
+    def hold(self, place: NDArray) -> NDArray:
+        """True (n,) where points (n, d), in finest cells from the lower corner of the domain, are in an opening."""
+        dimension = len(self.shape)
+        per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
+        cell = np.clip(np.floor(place).astype(np.int64), 0, self.shape - 1)
+        code = np.ravel_multi_index(cell.T, self.shape)
+        row = np.minimum(np.searchsorted(self.code, code), max(len(self.code) - 1, 0))
+        sub_cell = np.clip(((place - cell) * per_edge).astype(np.int64), 0, per_edge - 1)
+        bit = (sub_cell @ per_edge ** np.arange(dimension)).astype(np.uint64)
+        if not len(self.code):
+            return np.zeros(len(place), bool)
+        return (self.code[row] == code) & ((self.samples[row] >> bit) & np.uint64(1)).astype(bool)
+
+
+def axes_of(dataset: xr.Dataset) -> list[int]:
+    """Axes of the computation: all three, or the two of a mine in plane strain."""
+    plane = dataset.attrs["plane"]
+    return [0, 1, 2] if plane == "none" else ["xyz".index(axis) for axis in plane]
+
+
+class Rock:
+    """A state (elastic.nc or steps/<step>.nc) and the openings that it has."""
+
+    def __init__(self, state: xr.Dataset, voids: Voids):
+        self.state, self.voids, self.axes = state, voids, axes_of(state)
+        self.grid = read_grid(state)[0]
+        self.lower, self.edge = self.grid.origin, float(state.attrs["fine_cell"])
+
+    @cached_property
+    def particle_of_cell(self) -> NDArray:
+        """Particle of rock that each cell has (cell,); -1 where all rock of the cell is mined or has fallen.
+
+        Of several particles of a cell it is the first that failed, else the first: rock fails by cells.
+        """
+        volume, cell = self.state["volume"].values, self.state["cell"].values
+        found = np.full(len(self.grid.cell_level), -1)
+        rock = np.flatnonzero((volume > 0.0) & (self.state["excavation"].values < 0))
+        order = rock[np.lexsort((~self.failed[rock], cell[rock]))]
+        cells, first = np.unique(cell[order], return_index=True)
+        found[cells] = order[first]
+        return found
+
+    @cached_property
+    def fell(self) -> NDArray:
+        """True (cell,) for cells from which rock has come loose and fallen."""
+        fell = np.zeros(len(self.grid.cell_level), bool)
+        if "loose_cell" in self.state:
+            fell[self.state["loose_cell"].values] = True
+        return fell
+
+    @cached_property
+    def failed(self) -> NDArray:
+        """True (particle,) for particles that have failed; none has in elastic rock."""
+        if "failed" not in self.state:
+            return np.zeros(self.state.sizes["particle"], bool)
+        return self.state["failed"].values >= 0
+
+    def in_cells(self, point: NDArray) -> NDArray:
+        """Points (n, xyz) m in finest cells from the lower corner of the domain, (n, d)."""
+        return (point[:, self.axes] - self.lower) / self.edge
+
+    def cells(self, place: NDArray) -> NDArray:
+        """Cell (n,) of points (n, d), in finest cells; NO_CELL outside of the domain."""
+        return holding_cells(self.grid, np.floor(place).astype(np.int32))
+
+    def what(self, point: NDArray) -> tuple[NDArray, NDArray]:
+        """What is at points (n, xyz) m: OUTSIDE, MINED, INTACT or FAILED (n,), and the particle (n,), -1 for none."""
+        place = self.in_cells(point)
+        cell = self.cells(place)
+        particle = np.where(cell == NO_CELL, -1, self.particle_of_cell[cell])
+        found = np.where(self.failed[particle], FAILED, INTACT)
+        found[particle < 0] = np.where(self.fell[cell[particle < 0]], FAILED, MINED)
+        found[self.voids.hold(place)] = MINED
+        found[cell == NO_CELL] = OUTSIDE
+        return found, particle
+
+    def displacement(self, point: NDArray, inside: NDArray | None = None) -> NDArray:
+        """Displacement (n, xyz) m since virgin rock at points (n, xyz) m, by the shape functions of their cells, or of
+        the cells that hold the points `inside` (n, xyz) m, which are continued to them.
+
+        NaN where that cell has no rock.
+        """
+        cell = self.cells(self.in_cells(point if inside is None else inside))
+        moved = np.full((len(point), 3), np.nan)
+        there = np.flatnonzero((cell != NO_CELL) & (self.particle_of_cell[cell] >= 0))
+        nodes = self.state["cell_nodes"].values[cell[there]][:, BIT_ORDER[len(self.axes)]]
+        lower = self.grid.centers(cell[there]) - 0.5 * self.grid.cell_size[cell[there], None]
+        size = self.grid.cell_size[cell[there], None]
+        corners = (self.state["node_position"].values[nodes][:, :, self.axes] - lower[:, None]) / size[:, None]
+        shape = shape_functions((point[there][:, self.axes] - lower) / size, corners)
+        moved[there] = np.einsum("nc,nci->ni", shape, self.state["node_displacement"].values[nodes])
+        return moved
+
+    def principal(self, particle: NDArray) -> NDArray:
+        """Principal stresses (n, 3) Pa of particles (n,), ascending: the largest compression first."""
+        return np.linalg.eigvalsh(tensor_from_voigt(self.state["stress"].values[particle]))
+
+
+def shape_functions(place: NDArray, corners: NDArray) -> NDArray:
+    """Values (n, 2^d) of the shape functions at points (n, d) of cells with corners (n, 2^d, d), in bit order.
+
+    Both are in edges of the cell, from the lower corner that it has as a cube. In a distorted cell the reference place
+    is found by Newton's method. Where that does not converge, or the point is more than MAX_CONTINUED from the cell,
+    the values are those of the affine field that fits the corners best: it takes any linear field, and grows no faster.
+    """
+    dimension = place.shape[1]
+    bits = (np.arange(1 << dimension)[:, None] >> np.arange(dimension) & 1).astype(float)
+    local = place.copy()
+    bent = np.flatnonzero(np.abs(corners - bits).max(axis=(1, 2), initial=0.0) > ROUND_OFF)
+    found = local[bent]
+    for _ in range(NEWTON_STEPS):
+        factor = np.where(bits == 1.0, found[:, None, :], 1.0 - found[:, None, :])
+        off = place[bent] - np.einsum("nc,nci->ni", factor.prod(axis=2), corners[bent])
+        slope = np.empty((len(bent), 1 << dimension, dimension))
+        for axis in range(dimension):
+            others = [other for other in range(dimension) if other != axis]
+            slope[:, :, axis] = (2.0 * bits[:, axis] - 1.0) * factor[:, :, others].prod(axis=2)
+        jacobian = np.einsum("nci,nca->nia", corners[bent], slope)
+        regular = np.abs(np.linalg.det(jacobian)) > MIN_JACOBIAN
+        jacobian[~regular] = np.eye(dimension)
+        found = found + np.linalg.solve(jacobian, off[:, :, None])[:, :, 0]
+        found = np.clip(found, -2.0 * MAX_CONTINUED, 1.0 + 2.0 * MAX_CONTINUED)
+    factor = np.where(bits == 1.0, found[:, None, :], 1.0 - found[:, None, :])
+    off = np.abs(place[bent] - np.einsum("nc,nci->ni", factor.prod(axis=2), corners[bent])).max(axis=1, initial=0.0)
+    local[bent] = np.where(off[:, None] < CONVERGED, found, np.inf)
+    value = np.where(bits == 1.0, local[:, None, :], 1.0 - local[:, None, :])
+    far = np.flatnonzero(np.abs(local - 0.5).max(axis=1, initial=0.0) > 0.5 + MAX_CONTINUED)
+    value[far] = 0.0
+    value = value.prod(axis=2)
+    ones = np.ones((len(far), 1 << dimension, 1))
+    fitted = np.linalg.pinv(np.concatenate([ones, corners[far]], axis=2))  # (far, d + 1, corner)
+    value[far] = np.einsum("nk,nkc->nc", np.concatenate([ones[:, 0], place[far]], axis=1), fitted)
+    return value

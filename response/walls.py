@@ -1,0 +1,140 @@
+"""Points on the walls of excavations: where, which way the rock lies, and which side of the opening they belong to."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from common.opening_table import SIDES
+from response.centre_lines import CentreLine
+
+STEEPEST_WALL = np.sin(np.radians(45.0))  # A wall's normal rises or falls less than this; others are roof and floor.
+FACE = np.cos(np.radians(45.0))  # A face's normal lies along the drive by more than this.
+POINTS_PER_CELL = 2.0  # Along an edge of a finest cell.
+MIN_ROOF = 0.1  # Sine of the angle between a drive and the vertical below which it is a shaft.
+MAX_BISECTIONS = 60  # Of a facet; each halves its longest edge.
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Points of walls.
+
+    place (point, xyz) m; normal (point, xyz): unit vector out of the opening, into the rock; area (point,) m2 that the
+    point stands for; excavation (point,): its index; side (point,): index into SIDES; up (point, xyz): unit vector
+    towards the roof, perpendicular to the drive's axis, 0 in a shaft; chainage (point,): m along the centre line of a
+    drive, NaN where an excavation is none.
+    """
+
+    place: NDArray
+    normal: NDArray
+    area: NDArray
+    excavation: NDArray
+    side: NDArray
+    up: NDArray
+    chainage: NDArray
+
+    def at(self, chosen: NDArray) -> "Walls":
+        """Some of the points."""
+        return Walls(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+    def __len__(self) -> int:
+        return len(self.area)
+
+
+def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:
+    """Points on the surfaces of all excavations of grid.nc, POINTS_PER_CELL along a finest cell.
+
+    lines: centre line of each excavation that is a drive. In plane strain a point stands for a strip of the thickness.
+    Facets without area are left out.
+    """
+    position, facets = grid["solid_position"].values, grid["solid_facets"].values.astype(np.int64)
+    owner, spacing = grid["solid_excavation"].values.astype(np.int64), grid.attrs["fine_cell"] / POINTS_PER_CELL
+    if grid.attrs["plane"] == "none":
+        corners, owner = _bisected(position[facets], owner, spacing)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = 0.5 * np.linalg.norm(across, axis=1)
+    else:
+        corners, owner = _bisected(position[facets[:, :2]], owner, spacing)
+        along = corners[:, 1] - corners[:, 0]
+        out_of_plane = np.cross(*np.eye(3)[_plane_axes(grid)])
+        across = np.cross(along, out_of_plane)
+        area = np.linalg.norm(along, axis=1) * float(grid.attrs["thickness"])
+    kept = np.flatnonzero(area > 0.0)
+    normal = across[kept] / np.linalg.norm(across[kept], axis=1)[:, None]
+    place, normal, area, owner = _merged(corners[kept].mean(axis=1), normal, area[kept], owner[kept], spacing)
+    up, along, chainage = _frame(place, owner, lines)
+    rise = np.einsum("pi,pi->p", normal, up)
+    side = np.full(len(place), SIDES.index("walls"))
+    side[rise > STEEPEST_WALL] = SIDES.index("roof")
+    side[rise < -STEEPEST_WALL] = SIDES.index("floor")
+    side[np.abs(np.einsum("pi,pi->p", normal, along)) > FACE] = SIDES.index("face")
+    return Walls(place, normal, area, owner, side, up, chainage)
+
+
+def _plane_axes(grid: xr.Dataset) -> list[int]:
+    """Indices of the two axes of a mine in plane strain."""
+    return ["xyz".index(axis) for axis in grid.attrs["plane"]]
+
+
+def _bisected(corners: NDArray, owner: NDArray, spacing: float) -> tuple[NDArray, NDArray]:
+    """Facets (facet, corner, xyz) whose longest edge is `spacing` m at most, and their owners: each longer one is
+    halved across its longest edge, so that slivers do not become more facets than their length needs."""
+    done, owners = [], []
+    count = corners.shape[1]
+    for _ in range(MAX_BISECTIONS):
+        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        long = edges.max(axis=1, initial=0.0) > spacing
+        done.append(corners[~long])
+        owners.append(owner[~long])
+        corners, owner, edges = corners[long], owner[long], edges[long]
+        if not len(corners):
+            break
+        first = edges.argmax(axis=1)
+        row = np.arange(len(corners))
+        second = (first + 1) % count
+        middle = 0.5 * (corners[row, first] + corners[row, second])
+        one, other = corners.copy(), corners.copy()
+        one[row, second] = middle
+        other[row, first] = middle
+        corners, owner = np.concatenate([one, other]), np.concatenate([owner, owner])
+    return np.concatenate([*done, corners]), np.concatenate([*owners, owner])
+
+
+def _merged(
+    place: NDArray, normal: NDArray, area: NDArray, owner: NDArray, spacing: float
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """One point for all facets of an excavation that lie in the same cube of `spacing` m and look the same way.
+
+    It has their mean place and normal, and the sum of their areas: a surface may have many facets in a cell.
+    """
+    cube = np.floor(place / spacing).astype(np.int64)
+    facing = 2 * np.abs(normal).argmax(axis=1)
+    facing += normal[np.arange(len(normal)), facing // 2] > 0.0
+    _, group = np.unique(np.column_stack([owner, cube, facing]), axis=0, return_inverse=True)
+    group = group.reshape(-1)
+    total = np.bincount(group, area)
+    places, normals = (
+        np.stack([np.bincount(group, area * column) for column in values.T], axis=1) / total[:, None]
+        for values in (place, normal)
+    )
+    first = np.empty(len(total), np.int64)
+    first[group[::-1]] = np.arange(len(group))[::-1]
+    return places, normals / np.linalg.norm(normals, axis=1)[:, None], total, owner[first]
+
+
+def _frame(place: NDArray, owner: NDArray, lines: list[CentreLine | None]) -> tuple[NDArray, NDArray, NDArray]:
+    """Direction of the roof (point, xyz), axis of the drive (point, xyz), 0 without one, and chainage (point,) m."""
+    up, along = np.tile([0.0, 0.0, 1.0], (len(place), 1)), np.zeros((len(place), 3))
+    chainage = np.full(len(place), np.nan)
+    for index, line in enumerate(lines):
+        own = np.flatnonzero(owner == index)
+        if line is None or not len(own):
+            continue
+        chainage[own], along[own] = line.project(place[own])
+        across = up[own] - along[own] * along[own][:, 2:]
+        length = np.linalg.norm(across, axis=1)
+        shaft = length < MIN_ROOF  # A vertical one has walls and faces only.
+        across[shaft], length[shaft] = 0.0, 1.0
+        up[own] = across / length[:, None]
+    return up, along, chainage

@@ -1,0 +1,105 @@
+"""Walls: their area and sides against closed forms, whatever way a drive runs; centre lines and chainage."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_mines import CELL, load
+
+from common.opening_table import SIDES
+from mpm_core.stages.grid_stage import make_grid
+from response.centre_lines import CentreLine, centre_lines
+from response.walls import POINTS_PER_CELL, _bisected, sample_walls
+
+BOX = {"name": "stope", "shape": "box", "lower": ["-4 m", "-3 m", "-2 m"], "upper": ["4 m", "3 m", "2 m"]}
+
+
+def area_by_side(walls) -> dict[str, float]:
+    return {side: float(walls.area[walls.side == number].sum()) for number, side in enumerate(SIDES)}
+
+
+def walls_of(mine):
+    grid = make_grid(mine.grid_slice(), {})
+    entries = mine.openings_slice()["excavations"]
+    paths = [None if "path" not in entry else np.array(entry["path"]) for entry in entries]
+    return grid, sample_walls(grid, centre_lines(grid, paths))
+
+
+def test_a_box_has_the_area_of_its_sides(tmp_path):
+    _, walls = walls_of(load(tmp_path, [BOX]))
+    assert area_by_side(walls) == pytest.approx({"roof": 48.0, "walls": 112.0, "floor": 48.0, "face": 0.0})
+    np.testing.assert_allclose(np.linalg.norm(walls.normal, axis=1), 1.0)
+    out = np.einsum("pi,pi->p", walls.place, walls.normal)
+    assert out.min() > 0.0  # its middle is the origin, and normals look into the rock
+    assert np.isnan(walls.chainage).all()
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 0.4, 1.9])
+@pytest.mark.parametrize("dip", [0.0, 0.5])
+def test_a_drive_has_a_roof_walls_a_floor_and_faces_whatever_way_it_runs(tmp_path, azimuth, dip):
+    """A square drive of 3 m, 20 m long; chainage runs from one face to the other."""
+    along = np.array([np.cos(azimuth) * np.cos(dip), np.sin(azimuth) * np.cos(dip), np.sin(dip)])
+    path = [[f"{value} m" for value in end] for end in (-10.0 * along, 10.0 * along)]
+    drive = {"name": "drive", "shape": "tunnel", "path": path, "width": "3 m", "height": "3 m"}
+    _, walls = walls_of(load(tmp_path, [drive]))
+    expected = {"roof": 60.0, "walls": 120.0, "floor": 60.0, "face": 18.0}
+    assert area_by_side(walls) == pytest.approx(expected, rel=1e-9)
+    np.testing.assert_allclose(np.einsum("pi,i->p", walls.up, along), 0.0, atol=1e-12)
+    np.testing.assert_allclose(walls.chainage, walls.place @ along + 10.0, atol=1e-9)
+
+
+def test_a_shaft_has_walls_and_faces_only(tmp_path):
+    shaft = {"name": "shaft", "shape": "cylinder", "radius": "2 m", "start": ["0 m", "0 m", "-12 m"]}
+    _, walls = walls_of(load(tmp_path, [shaft | {"end": ["0 m", "0 m", "12 m"]}]))
+    found = area_by_side(walls)
+    assert found["roof"] == found["floor"] == 0.0
+    assert found["walls"] == pytest.approx(2 * np.pi * 2 * 24, rel=0.02)
+    assert found["face"] == pytest.approx(2 * np.pi * 4, rel=0.02)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.floats(-5.0, 5.0), min_size=9, max_size=9), st.floats(0.3, 3.0))
+def test_bisected_facets_keep_area_and_direction(corners, spacing):
+    """Slivers, too: no edge is longer than asked for, and the parts make the whole."""
+    triangle = np.array(corners).reshape(1, 3, 3)
+
+    def area(facets):
+        return 0.5 * np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0])
+
+    parts, owner = _bisected(triangle, np.array([7]), spacing)
+    assert np.linalg.norm(np.roll(parts, -1, axis=1) - parts, axis=2).max() <= spacing
+    np.testing.assert_allclose(area(parts).sum(axis=0), area(triangle)[0], atol=1e-9)
+    assert (owner == 7).all()
+
+
+def test_points_are_as_close_as_asked_for(tmp_path):
+    _, walls = walls_of(load(tmp_path, [BOX]))
+    spacing = CELL / POINTS_PER_CELL
+    assert walls.area.max() <= 2.0 * spacing**2
+    assert len(walls) < 3.0 * walls.area.sum() / spacing**2  # however many facets the surface has
+
+
+def test_a_drive_without_a_path_has_a_line_through_its_cells(tmp_path):
+    """An L of two boxes' outline, as a solid of a file would be; a stope is none, nor is a ring."""
+    arms = [[-12, -12], [12, -12], [12, 12], [9, 12], [9, -9], [-12, -9]]
+    drive = {"name": "drive", "shape": "prism", "lower": "-1.5 m", "upper": "1.5 m"}
+    bent = drive | {"polygon": [[f"{x} m", f"{y} m"] for x, y in arms]}
+    grid, walls = walls_of(
+        load(tmp_path, [bent, BOX | {"lower": ["-4 m", "3 m", "-2 m"], "upper": ["4 m", "8 m", "2 m"]}])
+    )
+    line, none = centre_lines(grid, [None, None])
+    assert none is None
+    assert line.length == pytest.approx(45.0, rel=0.1)  # along its middle, 22.5 m and 22.5 m
+    west = walls.chainage[(walls.excavation == 0) & (walls.place[:, 0] < -11.9)]
+    north = walls.chainage[(walls.excavation == 0) & (walls.place[:, 1] > 11.9)]
+    assert west.max() < 2.0  # chainage begins at the end that comes first by x
+    assert north.min() > 0.9 * line.length
+    assert np.isnan(walls.chainage[walls.excavation == 1]).all()
+
+
+def test_a_line_gives_chainage_of_points_and_points_of_chainage():
+    line = CentreLine(np.array([[0.0, 0, 0], [10, 0, 0], [10, 5, 0]]))
+    chainage, along = line.project(np.array([[4.0, 3, 1], [12, 3, 0], [-5, 0, 0], [10, 9, 0]]))
+    np.testing.assert_allclose(chainage, [4.0, 13.0, 0.0, 15.0])
+    np.testing.assert_allclose(along[[0, 1]], [[1, 0, 0], [0, 1, 0]])
+    np.testing.assert_allclose(line.at(np.array([4.0, 13.0])), [[4, 0, 0], [10, 3, 0]])

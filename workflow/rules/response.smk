@@ -1,0 +1,33 @@
+"""What drives and stopes feel."""
+
+if MINE.mined_steps:
+
+    rule openings:
+        """Depth of failure, closure and stress at the walls of each excavation, by step, side and chainage."""
+        input:
+            **INPUTS.of(
+                "openings",
+                grid=FILES.own("grid.nc"),
+                steps=FILES.own_states(MINE.mined_steps),
+                events=FILES.own("events"),
+                record=FILES.if_recorded("record.nc"),
+            ),
+        output:
+            table=report(
+                FILES.own("openings.csv"),
+                caption="../report/openings.rst",
+                category=MINE.name,
+                labels={"result": "openings"},
+            ),
+            dataset=FILES.own("openings.nc"),
+        log:
+            f"{OWN_LOGS}/openings.log",
+        conda:
+            ENVIRONMENT
+        threads: 1
+        resources:
+            mem_mb=RESOURCES.reading_memory("openings"),
+            runtime=60,
+        shell:
+            RUN
+
