@@ -12,7 +12,7 @@ from common.voigt import tensor_from_voigt
 from mpm_core.files.state_datasets import read_grid
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import NO_CELL, holding_cells
-from mpm_core.grid.mesh import BIT_ORDER
+from mpm_core.grid.mesh import BIT_ORDER, EDGE_CORNERS
 
 OUTSIDE, MINED, INTACT, FAILED = range(4)  # What is at a point. Rock that has fallen counts as failed.
 NEWTON_STEPS = 6  # For the place in a distorted cell; its corners are moved by less than half of its edge.
@@ -145,6 +145,28 @@ class Rock:
         shape = shape_functions((point[there][:, self.axes] - lower) / size, corners)
         moved[there] = np.einsum("nc,nci->ni", shape, self.state["node_displacement"].values[nodes])
         return moved
+
+    def difference_across(self, point: NDArray) -> NDArray:
+        """Largest difference (n,) m of displacement between the corners of the cells at points (n, xyz) m, along an
+        edge: the displacement gradient times the cell. NaN where a point's cell has no rock."""
+        cell = self.cells(self.in_cells(point))
+        found = np.full(len(point), np.nan)
+        there = np.flatnonzero((cell != NO_CELL) & (self.particle_of_cell[cell] >= 0))
+        nodes = self.state["cell_nodes"].values[cell[there]]
+        edges = EDGE_CORNERS[len(self.axes)]
+        apart = self.state["node_displacement"].values[nodes[:, edges[:, 1]]]
+        apart = apart - self.state["node_displacement"].values[nodes[:, edges[:, 0]]]
+        found[there] = np.linalg.norm(apart, axis=2).max(axis=1, initial=0.0)
+        return found
+
+    @cached_property
+    def particle_tree(self):
+        """Particles (k,) of rock that have a volume, and a KD-tree of their places along the computation's axes."""
+        import scipy.spatial
+
+        rock = (self.state["volume"].values > 0.0) & (self.state["excavation"].values < 0)
+        own = np.flatnonzero(rock)
+        return own, scipy.spatial.cKDTree(self.state["position"].values[own][:, self.axes])
 
     def principal(self, particle: NDArray) -> NDArray:
         """Principal stresses (n, 3) Pa of particles (n,), ascending: the largest compression first."""

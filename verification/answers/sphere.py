@@ -5,9 +5,11 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from catalogs.figures import style
+from common.voigt import voigt_from_tensor
 from verification.cavities.cavity import Cavity, read_pressure
 from verification.cavities.inclusion import Elastic, SphericalInclusion
 from verification.comparisons import MPA, closing_row, tensor_error, vanishing
+from verification.field_rows import field_rows, line_points
 from verification.page_tables import Pivot
 from verification.plots import add_circle, plot_section, plot_series
 from verification.results import Results, Variant
@@ -25,6 +27,7 @@ PROFILE_RADII = 3.5  # Length of the profiles in radii.
 SECTION_RADII = 2.0  # Width of the sections in radii.
 SECTION_ERROR_LIMIT = 3.0  # End of the colours of errors, %.
 MIN_POLE_COSINE = 0.95  # Cosine of the angle to an axis above which a direction counts as on it.
+LINES, LINE_SEED = 24, 1  # Lines along which fields are compared, in random directions.
 INTERIOR_CLEARANCE = 1.0  # Cells next to the wall that the comparison inside the fill leaves out.
 
 
@@ -50,6 +53,8 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         exact, pressure = exact_field(results[name]), read_pressure(results[name])
         rows.append(stress_row(name, cavity, exact, pressure, results))
         rows += closure_rows(name, cavity, exact, results.allowed["closure"])
+        if not cavity.fill.any():
+            rows += line_rows(name, cavity, exact)
         rows += energy_rows(name, cavity.state, exact, results.allowed["energy"])
         if cavity.fill.any():
             rows += inclusion_rows(name, cavity, exact, pressure, results.allowed["stress"])
@@ -65,6 +70,16 @@ def stress_row(name: str, cavity: Cavity, exact: SphericalInclusion, pressure: f
     error = tensor_error(cavity.stress[ring] - exact.stress(cavity.place[ring]), cavity.volume[ring]) / pressure
     quantity = f"{name}: stress in the rock, a + 2 h to {outer:g} a, r.m.s. of six components, share of the far stress"
     return vanishing(quantity, error, results.allowed["stress"])
+
+
+def line_rows(name: str, cavity: Cavity, exact: SphericalInclusion) -> list[Row]:
+    """Stress and displacement along lines outward from the sphere, in the eighth that is modelled."""
+    directions = np.random.default_rng(LINE_SEED).normal(size=(LINES, 3))
+    directions = np.abs(directions) / np.linalg.norm(directions, axis=1)[:, None]
+    off = line_points(directions, exact.radius)
+    outside = off * (1.0 + 1e-9)  # rock's side of the wall
+    stress, moved = voigt_from_tensor(exact.stress(outside)), exact.displacement(outside)
+    return field_rows(name, cavity.grid, cavity.state, cavity.center, off, stress, moved)
 
 
 def energy_rows(name: str, state: xr.Dataset, exact: SphericalInclusion, allowed: float) -> list[Row]:

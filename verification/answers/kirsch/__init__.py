@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.answers.kirsch.fields import ANGLES, Rock, order_rows, read_series, wall_rows
+from verification.answers.kirsch.fields import ANGLES, Rock, line_rows, order_rows, read_series, wall_rows
 from verification.answers.kirsch.figure import draw
 from verification.comparisons import bounded, mean_square_root, vanishing
 from verification.page_tables import Pivot
@@ -37,6 +37,8 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
     for name, rock in rocks.items():
         rows += stress_rows(name, rock, allowed["stress"])
         rows += displacement_rows(name, rock, allowed["closure"], allowed["displacement"])
+    for name in results.present(settings["lines"]):
+        rows += line_rows(name, rocks.get(name) or Rock(results[name]))
     rows += price_rows(results, rocks) + tolerance_rows(results, rocks)
     rows += order_rows(series, allowed["order"], settings["stress_distance"])
     treatment = results["multilevel"].values["grid"]["cut_cells"]
