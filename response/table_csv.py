@@ -1,20 +1,21 @@
-"""The table of openings as a CSV file, whose header has the units."""
+"""A table of this package as a CSV file, whose header has the units."""
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
 
 from common.datasets import atomic_path
-from common.opening_table import FIELDS
+from common.fields import Field
 
 DIGITS = 6
 
 
-def write_csv(table: xr.Dataset, path: str | os.PathLike) -> None:
+def write_csv(table: xr.Dataset, fields: Sequence[Field], path: str | os.PathLike) -> None:
     """Write the table, one row below another, atomically; an empty field where there is no number."""
-    header = [f"{field.name}_{field.unit}" if field.unit not in ("", "1") else field.name for field in FIELDS]
-    columns = [_text(table[field.name].values) for field in FIELDS]
+    header = [f"{field.name}_{field.unit}" if field.unit not in ("", "1") else field.name for field in fields]
+    columns = [_text(table[field.name].values) for field in fields]
     with atomic_path(path) as temporary:
         lines = [",".join(header), *(",".join(row) for row in zip(*columns, strict=True))]
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -47,6 +47,16 @@ examples.
 CHAINAGE = """\
 openings: {chainage: 10 m}
 """
+INSTRUMENTS = """\
+observations:
+  points:
+    - {name: SC1, at: [118 m, 98 m, 995 m], axis: {trend: 90 deg}, file: sc1.csv, units: MPa, error: 0.5 MPa}
+  lines:
+    - {name: MPBX1, start: [111 m, 98 m, 995 m], end: [131 m, 98 m, 995 m], anchors: [2 m, 5 m, 10 m], since: "2019-08"}
+    - {name: hole, start: [120 m, 60 m, 1000 m], end: [120 m, 150 m, 1000 m], measures: stress, every: 2 m}
+  closures:
+    - {name: C1, start: [85.75 m, 110 m, 1012 m], end: [90.25 m, 110 m, 1012 m]}
+"""
 FROM_FILES = """\
 excavations:
   - {name: stope, step: history, file: stopes.dxf, layer: S1, units: ft, scale: 1, offset: [0 m, 0 m, 0 m]}
@@ -127,7 +137,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison", "face"), ((DEMO, "record"), FACE)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),
-    "Openings": (("openings",), (CHAINAGE,)),
+    "Openings and instruments": (("openings", "observations"), (CHAINAGE, INSTRUMENTS)),
     "Baselines": (("baselines",), (FLAWS,)),
     "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),
 }

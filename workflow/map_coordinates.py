@@ -20,6 +20,7 @@ from mpm_core.geometry.shapes import Shape, checked, shape_of
 from mpm_core.geometry.shapes.prism import DrawnPrism
 from mpm_core.insitu_settings import InsituSettings, SymmetricTensor
 from mpm_core.settings import FACES, Boundary, DomainSettings, ShapeSettings
+from response.observation_settings import ObservationSettings
 from workflow.mine import shape_keys
 from workflow.mine_settings import BoundaryStrain, Load, MineSettings
 from workflow.record_checks import BEYOND_USE, degrees_outside
@@ -61,6 +62,7 @@ def on_map(settings: MineSettings) -> OnMap:
         "excavations": tuple(_solid(entry, grid) for entry in settings.excavations),
         "loads": tuple(_load(load, grid) for load in settings.loads),
         "face": settings.face and _face(settings.face, grid),
+        "observations": settings.observations and _observations(settings.observations, grid),
     }
     with mistakes.gather():
         found["domain"] = _domain(settings.domain, grid)
@@ -208,6 +210,16 @@ def _strain(entry: BoundaryStrain, grid: GridMap) -> BoundaryStrain:
 def _face(face: FaceSettings, grid: GridMap) -> FaceSettings:
     positions = [{**position.given(), "ends": grid.to_map(position.ends).tolist()} for position in face.positions or ()]
     return FaceSettings.of({"positions": positions}, "face")
+
+
+def _observations(settings: ObservationSettings, grid: GridMap) -> ObservationSettings:
+    """Instruments with their places on the map. Axes have bearings from the map's north already."""
+
+    def placed(one: dict) -> dict:
+        return one | {key: grid.to_map(one[key]).tolist() for key in ("at", "start", "end") if key in one}
+
+    given = {kind: [placed(one) for one in own] for kind, own in settings.given().items()}
+    return ObservationSettings.of(given, "observations")
 
 
 def _box(where: str, box: Settings, grid: GridMap, remedy: str) -> dict[str, tuple[float, ...]]:

@@ -311,6 +311,20 @@ class Mine(MineConfiguration):
             "chainage": self.settings.openings.chainage,
         }
 
+    def observations_slice(self) -> dict:
+        """Settings of stage `observations`: instruments with paths from the working directory, steps, what is mined."""
+        given = self.settings.observations.given() if self.settings.observations else {}
+        made = {
+            kind: [one | ({"file": self.path(one["file"]).as_posix()} if "file" in one else {}) for one in given[kind]]
+            for kind in given
+        }
+        mined = [
+            {"name": entry.name, "mined": entry.step if entry.step in self.mined_steps else ""}
+            for entry in self.excavations
+        ]
+        steps = [{"name": name, **self._dates(name)} for name in self.mined_steps]
+        return {"observations": made, "steps": steps, "excavations": mined}
+
     def report_slice(self) -> dict:
         """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress, grid."""
         grid = self.settings.frame.grid

@@ -39,6 +39,7 @@ from mpm_core.settings import (
     SolverSettings,
 )
 from plans.settings import HazardSettings
+from response.observation_settings import ObservationSettings
 from response.settings import OpeningSettings
 from seismic.event_settings import SeismicSettings
 
@@ -358,6 +359,8 @@ class MineSettings(Settings):
     recorded. The report scores them once these are recorded."""
     openings: OpeningSettings = OpeningSettings()
     """What the table of openings gives."""
+    observations: ObservationSettings = None
+    """Places at which the model is read, and what instruments measured there."""
     hazard: HazardSettings = HazardSettings()
     """Classes of sizes, distances and chances that the plans are judged by."""
 

@@ -29,6 +29,7 @@ class ResultFiles:
         self.has_quakeml = self.has_catalog and self.mine.settings.frame.has_place
         self.has_record = self.has_catalog and self.mine.settings.record is not None
         self.has_coarse = self.mine.has_companion
+        self.has_observations = bool(self.mine.mined_steps) and self.mine.settings.observations is not None
         self.has_forecasts = self.has_record and bool(self.mine.settings.forecasts)
 
     def own(self, path: str) -> str:
@@ -69,6 +70,7 @@ class ResultFiles:
             "catalog.xml": self.has_quakeml,
             "record.nc": self.has_record,
             "openings.csv": bool(self.mine.mined_steps),
+            "observations.csv": self.has_observations,
         }
         files = [self.own(file) for file in made if made[file]]
         return [*stage_results(self.mine.name, self.mine), *files, *self.compared]

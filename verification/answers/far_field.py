@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from catalogs.figures import style
 from common.voigt import tensor_from_voigt
 from verification.answers.kirsch.closed_form import InfinitePlate
-from verification.answers.sphere import exact_field
+from verification.cavities.cavity import inclusion_of
 from verification.comparisons import in_uncut_cell, tensor_error, vanishing
 from verification.plots import plot_errors, plot_series
 from verification.results import Results, Variant
@@ -120,7 +120,7 @@ def theory_row(name: str, rock: Rock, outer_radii: float, allowed: float) -> Row
     ring = (distance > radius + CLEAR_CELLS * rock.cell) & (distance < outer_radii * radius)
     place, stress, weights = rock.place[ring], rock.stress[ring], rock.volume[ring]
     if rock.dimension == 3:
-        error = tensor_error(stress - exact_field(rock.variant).stress(place), weights)
+        error = tensor_error(stress - inclusion_of(rock.variant).stress(place), weights)
     else:
         constant = rock.variant.values["insitu_stress"]["constant"]
         virgin = tuple(constant.get(component, 0.0) for component in ("xx", "yy", "xy"))

@@ -6,13 +6,13 @@ from matplotlib.figure import Figure
 
 from catalogs.figures import style
 from common.voigt import voigt_from_tensor
-from verification.cavities.cavity import Cavity, read_pressure
-from verification.cavities.inclusion import Elastic, SphericalInclusion
+from verification.cavities.cavity import Cavity, inclusion_of, read_pressure
+from verification.cavities.inclusion import SphericalInclusion
 from verification.comparisons import MPA, closing_row, tensor_error, vanishing
 from verification.field_rows import field_rows, line_points
 from verification.page_tables import Pivot
 from verification.plots import add_circle, plot_section, plot_series
-from verification.results import Results, Variant
+from verification.results import Results
 from verification.rows import Row
 
 TABLES = (
@@ -31,26 +31,12 @@ LINES, LINE_SEED = 24, 1  # Lines along which fields are compared, in random dir
 INTERIOR_CLEARANCE = 1.0  # Cells next to the wall that the comparison inside the fill leaves out.
 
 
-def exact_field(variant: Variant) -> SphericalInclusion:
-    """The closed form of a variant."""
-    values = variant.values
-    hole, constant = values["excavations"][0], values["insitu_stress"]["constant"]
-    materials = {
-        name: Elastic(material["youngs_modulus"], material["poisson_ratio"])
-        for name, material in values["materials"].items()
-    }
-    virgin = np.diag([constant.get(name, 0.0) for name in ("xx", "yy", "zz")])
-    fill = hole.get("fill", "none")
-    inclusion = {} if fill == "none" else {"inclusion": materials[fill]}
-    return SphericalInclusion(hole["radius"], virgin, materials["host"], **inclusion)
-
-
 def answer(results: Results) -> tuple[list[Row], Figure]:
     """Rows and figure of the study."""
     cavities = {name: Cavity(variant, variant.elastic) for name, variant in results.variants.items()}
     rows = []
     for name, cavity in cavities.items():
-        exact, pressure = exact_field(results[name]), read_pressure(results[name])
+        exact, pressure = inclusion_of(results[name]), read_pressure(results[name])
         rows.append(stress_row(name, cavity, exact, pressure, results))
         rows += closure_rows(name, cavity, exact, results.allowed["closure"])
         if not cavity.fill.any():
@@ -59,7 +45,7 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         if cavity.fill.any():
             rows += inclusion_rows(name, cavity, exact, pressure, results.allowed["stress"])
     rows.append(closing_row("all", (cavity.state for cavity in cavities.values())))
-    fields = {name: (cavities[name], exact_field(results[name])) for name in cavities}
+    fields = {name: (cavities[name], inclusion_of(results[name])) for name in cavities}
     return rows, draw(fields)
 
 

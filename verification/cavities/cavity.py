@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from common.voigt import tensor_from_voigt
 from verification.cavities.coulomb import CoulombRock, PlasticRing, PlasticSphere, PlasticTunnel
 from verification.cavities.hoek_brown import HoekBrownRock, HoekBrownTunnel
+from verification.cavities.inclusion import Elastic, SphericalInclusion
 from verification.results import Variant
 
 WALL_ANGLES = 90  # Points on a quarter of a circle; its square on an eighth of a sphere.
@@ -28,6 +29,20 @@ def plastic_ring(variant: Variant) -> PlasticRing | HoekBrownTunnel:
         )
     kind = PlasticTunnel if variant.mine.plane else PlasticSphere
     return kind(hole["radius"], read_pressure(variant), CoulombRock.of(host))
+
+
+def inclusion_of(variant: Variant) -> SphericalInclusion:
+    """The closed form of a variant with an elastic sphere, empty or filled."""
+    values = variant.values
+    hole, constant = values["excavations"][0], values["insitu_stress"]["constant"]
+    materials = {
+        name: Elastic(material["youngs_modulus"], material["poisson_ratio"])
+        for name, material in values["materials"].items()
+    }
+    virgin = np.diag([constant.get(name, 0.0) for name in ("xx", "yy", "zz")])
+    fill = hole.get("fill", "none")
+    inclusion = {} if fill == "none" else {"inclusion": materials[fill]}
+    return SphericalInclusion(hole["radius"], virgin, materials["host"], **inclusion)
 
 
 class Cavity:

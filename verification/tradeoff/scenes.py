@@ -11,8 +11,7 @@ from catalogs.sources.sizes import estimate_b, log_potency
 from mpm_core.equilibrium.increments import potency
 from verification.answers.kirsch.closed_form import InfinitePlate
 from verification.answers.kirsch.fields import ANGLES, Rock, measure
-from verification.answers.sphere import exact_field
-from verification.cavities.cavity import Cavity, plastic_ring, read_pressure
+from verification.cavities.cavity import Cavity, inclusion_of, plastic_ring, read_pressure
 from verification.comparisons import mean_square_root, released_potency, tensor_error
 from verification.results import Results, Variant
 
@@ -36,7 +35,7 @@ def hole(results: Results, variant: Variant) -> tuple[Measures, Measures]:
 
 def cavity(results: Results, variant: Variant) -> tuple[Measures, Measures]:
     """Elastic sphere under all-round stress: errors of the hoop stress at the wall and of stress around it, closure."""
-    rock, exact = Cavity(variant, variant.elastic), exact_field(variant)
+    rock, exact = Cavity(variant, variant.elastic), inclusion_of(variant)
     pressure = read_pressure(variant)
     ring = rock.ring(results.settings["outer_radii"])
     error = tensor_error(rock.stress[ring] - exact.stress(rock.place[ring]), rock.volume[ring])

@@ -44,6 +44,7 @@ rule report:
             event_rules=FILES.own("event_rules.nc") if FILES.has_catalog else [],
             record=FILES.if_recorded("record.nc"),
             openings=FILES.own("openings.nc") if MINE.mined_steps else [],
+            observations=FILES.own("observations.nc") if FILES.has_observations else [],
             **FILES.comparisons(),
         ),
     output:

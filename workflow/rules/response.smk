@@ -31,3 +31,28 @@ if MINE.mined_steps:
         shell:
             RUN
 
+
+if FILES.has_observations:
+
+    rule observations:
+        """What the model gives where instruments are, beside what they measured."""
+        input:
+            **INPUTS.of("observations", grid=FILES.own("grid.nc"), steps=FILES.own_states(MINE.mined_steps)),
+        output:
+            table=report(
+                FILES.own("observations.csv"),
+                caption="../report/observations.rst",
+                category=MINE.name,
+                labels={"result": "observations"},
+            ),
+            dataset=FILES.own("observations.nc"),
+        log:
+            f"{OWN_LOGS}/observations.log",
+        conda:
+            ENVIRONMENT
+        threads: 1
+        resources:
+            mem_mb=RESOURCES.reading_memory("observations"),
+            runtime=60,
+        shell:
+            RUN

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 def openings(job: Job) -> None:
     """Depth of failure, closure and stress at the walls of each excavation, by step, side and chainage"""
     from common.datasets import write_dataset
+    from common.opening_table import FIELDS
     from response.openings import read_and_measure
     from response.settings import OpeningSlice
     from response.table_csv import write_csv
@@ -23,4 +24,22 @@ def openings(job: Job) -> None:
     found = read_and_measure(settings, job.input("grid"), states, events, record)
     found = found.assign_attrs(job.provenance())
     write_dataset(found, job.output("openings.nc"))
-    write_csv(found, job.output("openings.csv"))
+    write_csv(found, FIELDS, job.output("openings.csv"))
+
+
+@stage("response", settings=lambda mine, wildcards: mine.observations_slice())
+def observations(job: Job) -> None:
+    """Stress, displacement, extension and closure where instruments are, beside their readings"""
+    from common.datasets import read_dataset, write_dataset
+    from common.observation_table import FIELDS
+    from response.observation_settings import ObservationSlice
+    from response.observations import observe
+    from response.rock import VARIABLES
+    from response.table_csv import write_csv
+
+    grid = read_dataset(job.input("grid"))
+    states = (read_dataset(path, VARIABLES) for path in job.paths("steps"))
+    found = observe(ObservationSlice.of(job.settings), grid, states)
+    found = found.assign_attrs(job.provenance())
+    write_dataset(found, job.output("observations.nc"))
+    write_csv(found, FIELDS, job.output("observations.csv"))

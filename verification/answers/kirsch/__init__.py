@@ -3,8 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from verification.answers.kirsch.fields import ANGLES, Rock, line_rows, order_rows, read_series, wall_rows
+from verification.answers.kirsch.fields import ANGLES, Rock, order_rows, read_series, wall_rows
 from verification.answers.kirsch.figure import draw
+from verification.answers.kirsch.lines import line_rows
 from verification.comparisons import bounded, mean_square_root, vanishing
 from verification.page_tables import Pivot
 from verification.results import Results

@@ -12,12 +12,10 @@ from scipy.spatial import cKDTree
 
 from verification.answers.kirsch.closed_form import BoxedPlate, Field, InfinitePlate, PressedPlate, polar_stress
 from verification.comparisons import bounded, convergence_orders, in_uncut_cell, mean_square_root, vanishing
-from verification.field_rows import field_rows, line_points
 from verification.results import Results, Variant
 from verification.rows import Row
 
 ANGLES = 2 * np.pi * (np.arange(360) + 0.5) / 360
-LINES = 24  # Along which fields are compared.
 CLEAR_CELLS = 1.0  # Cells next to the wall that the extrapolation leaves out.
 
 
@@ -190,19 +188,6 @@ def measure(rock: Rock, distance: float) -> Point:
         wall=float(mean_square_root(error, rock.volume[beside]) / hoop),
         extrapolated=float(mean_square_root(extrapolated(rock, wall)[1] - wall_hoop) / hoop),
     )
-
-
-def line_rows(name: str, rock: Rock) -> list[Row]:
-    """Stress and displacement along lines outward from the hole."""
-    hole, angle = rock.hole, 2 * np.pi * (np.arange(LINES) + 0.3) / LINES
-    off = line_points(np.stack([np.cos(angle), np.sin(angle), np.zeros(LINES)], axis=1), hole.radius)
-    place = off[:, 0] + 1j * off[:, 1]
-    exact = hole.plate.at(place)
-    stress = np.full((len(off), 6), np.nan)
-    stress[:, [0, 1, 5]] = np.stack([exact.xx, exact.yy, exact.xy], axis=1)
-    moved = np.stack([exact.moved.real, exact.moved.imag, np.zeros(len(off))], axis=1)
-    centre = np.array([hole.center.real, hole.center.imag, 0.0])
-    return field_rows(name, rock.grid, rock.state, centre, off, stress, moved)
 
 
 def read_series(results: Results) -> dict[str, list[Point]]:

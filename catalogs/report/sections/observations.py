@@ -1,0 +1,132 @@
+"""Instruments: what the model gives where they are, step by step, beside what they measured.
+
+The template is "observations.html.j2".
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from catalogs.figures import style
+from catalogs.report.evidence import Evidence
+from catalogs.report.gallery import Gallery
+
+MAX_PANELS = 12  # Instruments whose curves are drawn.
+MAX_CURVES = 6  # Of an instrument: of its anchors or components.
+COLUMNS = 3
+STATED_AS_95 = 1.96  # A modelled error is half of a 95 % interval.
+LEVEL = 0.95
+
+
+@dataclass(frozen=True)
+class InstrumentLine:
+    """An instrument: its quantities, edge of the cell (m), whether rock failed there, the number of readings that are
+    compared, their root-mean-square misfit with its 95 % interval, in its unit, and the share of readings within the
+    95 % of both errors together; NaN without readings."""
+
+    name: str
+    quantity: str
+    unit: str
+    cell: float
+    failed: bool
+    readings: int
+    misfit: float
+    interval: tuple[float, float]
+    within: float
+
+
+def section(evidence: Evidence, gallery: Gallery) -> dict | None:
+    """Content of the section on instruments: lines, the figure of curves, and the number of instruments that it leaves
+    out. None without instruments."""
+    table = evidence.observations
+    if table is None or not table.sizes["row"]:
+        return None
+    names = list(dict.fromkeys(str(name) for name in table["instrument"].values))
+    measured = [name for name in names if np.isfinite(table["measured"].values[_of(table, name)]).any()]
+    drawn = [*measured, *(name for name in names if name not in measured)][:MAX_PANELS]
+    return {
+        "lines": [instrument_line(table, name) for name in names],
+        "curves": gallery.add("observations", _curves(evidence, drawn)),
+        "others": len(names) - len(drawn),
+    }
+
+
+def instrument_line(table: xr.Dataset, name: str) -> InstrumentLine:
+    """The line of an instrument."""
+    own = _of(table, name)
+    quantities = list(dict.fromkeys(str(one) for one in table["quantity"].values[own]))
+    off = table["measured"].values[own] - table["modelled"].values[own]
+    known = np.isfinite(off)
+    both = np.hypot(table["modelled_error"].values[own] / STATED_AS_95, table["measured_error"].values[own])
+    count = int(known.sum())
+    misfit = float(np.sqrt(np.mean(off[known] ** 2))) if count else np.nan
+    within = float(np.mean(np.abs(off[known]) <= STATED_AS_95 * both[known])) if count else np.nan
+    return InstrumentLine(
+        name, quantities[0] if len(quantities) == 1 else f"{len(quantities)} components",
+        str(table["unit"].values[own[0]]), float(np.nanmax(table["cell"].values[own], initial=-np.inf)),
+        bool(table["failed"].values[own].any()), count, misfit, misfit_interval(misfit, count), within,
+    )  # fmt: skip
+
+
+def misfit_interval(misfit: float, count: int) -> tuple[float, float]:
+    """95 % interval of a root-mean-square misfit of so many readings, if their misfits are normal and independent
+    (chi-squared); readings of one instrument seldom are, so it is too narrow rather than too wide. NaN without any."""
+    if not count:
+        return np.nan, np.nan
+    low, high = chi2.ppf([(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0], count)
+    return misfit * float(np.sqrt(count / high)), misfit * float(np.sqrt(count / low))
+
+
+def _of(table: xr.Dataset, name: str) -> NDArray:
+    """Rows of an instrument."""
+    return np.flatnonzero(table["instrument"].values == name)
+
+
+def _curves(evidence: Evidence, names: list[str]) -> Figure:
+    """A panel for each instrument: modelled values by step with their 95 % intervals, readings as points."""
+    table, steps = evidence.observations, [str(step["step"]) for step in evidence.steps]
+    rows = -(-len(names) // COLUMNS)
+    figure = style.new_figure(height=0.6 + 2.2 * rows)
+    panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    for panel, name in zip(panels, names, strict=False):
+        own = _of(table, name)
+        keys = list(
+            dict.fromkeys(zip(table["quantity"].values[own], table["distance"].values[own].tolist(), strict=True))
+        )
+        for number, (quantity, distance) in enumerate(_spread(keys)):
+            same = table["quantity"].values[own] == quantity
+            at = table["distance"].values[own]
+            chosen = own[same & ((at == distance) | (np.isnan(at) & np.isnan(distance)))]
+            place = np.array([steps.index(str(step)) for step in table["step"].values[chosen]])
+            value, error = table["modelled"].values[chosen], table["modelled_error"].values[chosen]
+            colour = f"C{number}"
+            label = f"{distance:g} m" if np.isfinite(distance) else str(quantity)
+            panel.plot(place, value, color=colour, linewidth=1.2, marker=".", markersize=3, label=label)
+            panel.fill_between(place, value - error, value + error, color=colour, alpha=0.15, linewidth=0)
+            reading = table["measured"].values[chosen]
+            panel.plot(place, reading, color=colour, linestyle="none", marker="o", fillstyle="none", markersize=5)
+        panel.set_title(name, loc="left")
+        panel.set_ylabel(str(table["unit"].values[own[0]]))
+        panel.set_xticks(*_ticks(steps), rotation=30, ha="right")
+        if len(keys) > 1:
+            panel.legend(fontsize="x-small", ncols=2)
+    for panel in panels[len(names) :]:
+        panel.set_axis_off()
+    return figure
+
+
+def _spread(keys: list[tuple]) -> list[tuple]:
+    """At most MAX_CURVES of the curves, from the first to the last at equal distances."""
+    if len(keys) <= MAX_CURVES:
+        return keys
+    return [keys[place] for place in np.linspace(0, len(keys) - 1, MAX_CURVES).astype(int)]
+
+
+def _ticks(steps: list[str]) -> tuple[list[int], list[str]]:
+    """Places and names of some of the steps."""
+    every = -(-len(steps) // 6)
+    return list(range(0, len(steps), every)), steps[::every]

@@ -1,0 +1,132 @@
+"""What the model gives at each instrument after each step, beside its readings."""
+
+import json
+from collections.abc import Iterable
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from common.observation_table import FIELDS
+from common.voigt import NAMES, tensor_from_voigt
+from response.field import Values, values_at
+from response.observation_settings import (
+    CLOSURE,
+    EXTENSION,
+    STRESS,
+    Instrument,
+    ObservationSlice,
+    ObservedClosure,
+    ObservedLine,
+    ObservedPoint,
+)
+from response.readings import at_steps, read_readings
+from response.rock import Rock, Voids
+
+MPA, MM = 1e-6, 1e3
+AXES = ("east", "north", "up")
+
+
+def places(instrument: Instrument) -> NDArray:
+    """Points (n, xyz) m at which the model is read for an instrument; of an extensometer the collar comes first."""
+    if isinstance(instrument, ObservedPoint):
+        return np.array([instrument.at])
+    if isinstance(instrument, ObservedClosure):
+        return np.array([instrument.start, instrument.end])
+    assert isinstance(instrument, ObservedLine)
+    along = np.asarray(instrument.start) + instrument.distances[:, None] * instrument.vector
+    return along if instrument.measures == STRESS else np.concatenate([[instrument.start], along])
+
+
+def observe(settings: ObservationSlice, grid: xr.Dataset, states: Iterable[xr.Dataset]) -> xr.Dataset:
+    """The table of observations. states: of the steps, in order."""
+    steps = [step["name"] for step in settings.steps]
+    mined = {entry["name"]: entry["mined"] for entry in settings.excavations}
+    names = json.loads(grid.attrs["excavation_names"])
+    order = np.array([steps.index(mined[name]) if mined.get(name) in steps else len(steps) for name in names])
+    instruments = settings.observations.instruments
+    points = [places(one) for one in instruments]
+    bounds = np.cumsum([0, *(len(own) for own in points)])
+    every = np.concatenate([np.empty((0, 3)), *points])
+    found = [
+        values_at(Rock(state, Voids.of(grid, order <= number)), every) for number, state in enumerate(states)
+    ]  # fmt: skip
+    rows: list[tuple] = []
+    for number, instrument in enumerate(instruments):
+        own = slice(bounds[number], bounds[number + 1])
+        rows += _rows(instrument, [_part(values, own) for values in found], list(settings.steps))
+    columns = list(zip(*rows, strict=True)) if rows else [() for _ in FIELDS]
+    return xr.Dataset(
+        {
+            field.name: (field.dims, np.array(column, field.dtype), field.attributes)
+            for field, column in zip(FIELDS, columns, strict=True)
+        }
+    )
+
+
+def _part(values: Values, own: slice) -> Values:
+    """Values at some of the points."""
+    return Values(*(column[own] for column in vars(values).values()))
+
+
+def _rows(instrument: Instrument, found: list[Values], steps: list[dict]) -> Iterable[tuple]:
+    """Rows of an instrument: each quantity, place and step."""
+    scale, unit = (MPA, "MPa") if instrument.quantity == STRESS else (MM, "mm")
+    first = None if instrument.since is None else [step["name"] for step in steps].index(instrument.since)
+    distances = instrument.distances if isinstance(instrument, ObservedLine) else np.array([np.nan])
+    measured = np.full((len(steps), len(distances)), np.nan)
+    reading_error = np.nan
+    if instrument.file is not None:
+        measured = at_steps(read_readings(instrument, instrument.name), steps, instrument.since)
+        reading_error = scale * instrument.reading_error()
+    skip = 1 if instrument.quantity == EXTENSION else 0  # the collar
+    for quantity, value, error in _modelled(instrument, found):
+        if first is not None:
+            value, error = value - value[first], np.hypot(error, error[first])
+            value[:first] = np.nan
+        for place, distance in enumerate(distances):
+            for number, step in enumerate(steps):
+                last = found[number]
+                at = min(place + skip, len(last.cell) - 1)
+                reading = scale * measured[number, place]
+                yield (
+                    instrument.name, quantity, float(distance), step["name"], unit, scale * value[number, place],
+                    scale * error[number, place], reading, reading_error if np.isfinite(reading) else np.nan,
+                    float(last.cell[at]), int(last.failed[at]),
+                )  # fmt: skip
+
+
+def _modelled(instrument: Instrument, found: list[Values]) -> Iterable[tuple[str, NDArray, NDArray]]:
+    """Name of each quantity, its values and errors (step, place), SI units."""
+    if isinstance(instrument, ObservedPoint | ObservedLine) and instrument.quantity == STRESS:
+        stress = np.array([values.stress for values in found])  # (step, place, 6)
+        error = np.array([values.stress_error for values in found])
+        axis = instrument.axis if isinstance(instrument, ObservedPoint) else None
+        if axis is not None:
+            along = -np.einsum("i,spij,j->sp", axis.vector, tensor_from_voigt(stress), axis.vector)
+            yield "compression along the axis", along, error
+            return
+        for number, name in enumerate(NAMES):
+            yield f"stress {name}", stress[:, :, number], error
+        known = np.where(np.isfinite(stress), stress, 0.0)
+        principal = np.where(np.isfinite(stress[:, :, :3]), -np.linalg.eigvalsh(tensor_from_voigt(known)), np.nan)
+        for number, name in enumerate(("major", "intermediate", "minor")):
+            yield f"{name} compression", principal[:, :, number], error
+        return
+    moved = np.array([values.displacement for values in found])  # (step, place, xyz)
+    error = np.array([values.displacement_error for values in found])
+    if isinstance(instrument, ObservedPoint):
+        if instrument.axis is not None:
+            yield "displacement along the axis", moved @ instrument.axis.vector, error
+            return
+        for number, name in enumerate(AXES):
+            yield f"displacement {name}", moved[:, :, number], error
+        return
+    if isinstance(instrument, ObservedLine):
+        along = moved @ instrument.vector
+        yield EXTENSION, along[:, 1:] - along[:, :1], np.hypot(error[:, 1:], error[:, :1])
+        return
+    assert isinstance(instrument, ObservedClosure)
+    between = np.subtract(instrument.end, instrument.start)
+    along = moved @ (between / np.linalg.norm(between))
+    yield CLOSURE, along[:, :1] - along[:, 1:], np.hypot(error[:, :1], error[:, 1:])

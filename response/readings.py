@@ -1,0 +1,65 @@
+"""Readings of an instrument: a CSV file with a date and a column for each anchor, as one value for each step."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from common.errors import InputError
+from response.observation_settings import Instrument
+
+
+def read_readings(instrument: Instrument, where: str) -> pd.DataFrame:
+    """Readings (date, column) in SI units, by date (UTC, without a zone).
+
+    where: key of the instrument in the mine file, for messages. Raises InputError, one line, for a file that cannot be
+    read, a column that it does not have, dates that are none, and values that are no numbers.
+    """
+    path = Path(str(instrument.file))
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, encoding="utf-8-sig")
+    except (OSError, ValueError, pd.errors.ParserError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{where}.file: {path}: cannot be read as CSV ({reason})") from error
+    for key, names in (("date", [instrument.date]), ("columns", list(instrument.columns))):
+        for name in names:
+            if name not in table:
+                raise InputError(f"{where}.{key}: {path.name} has no column {name}; it has {', '.join(table.columns)}")
+    dates = pd.to_datetime(table[instrument.date], format="ISO8601", errors="coerce", utc=True)
+    if dates.isna().any():
+        line = int(dates.isna().to_numpy().argmax())
+        value = table[instrument.date].iloc[line]
+        raise InputError(f"{where}.date: {path.name}: row {line + 1}: {value} is no date; write it as 2010-03-31")
+    values = table[list(instrument.columns)].apply(pd.to_numeric, errors="coerce")
+    bad = values.isna() & table[list(instrument.columns)].notna()
+    if bad.to_numpy().any():
+        line, column = np.argwhere(bad.to_numpy())[0]
+        value = table[instrument.columns[column]].iloc[line]
+        raise InputError(
+            f"{where}.columns: {path.name}: row {line + 1}, {instrument.columns[column]}: {value} is no number"
+        )
+    values.index = dates.dt.tz_localize(None)
+    return (values * instrument.factor()).sort_index(kind="stable")
+
+
+def at_steps(readings: pd.DataFrame, steps: list[dict], since: str | None) -> NDArray:
+    """Last reading within the dates of each step, (step, column); NaN without one.
+
+    since: step whose last reading is taken from all; rows before its end are NaN. Without it readings stay as they are.
+    """
+    found = np.full((len(steps), readings.shape[1]), np.nan)
+    for number, step in enumerate(steps):
+        if not step["start"]:
+            continue
+        start, end = (pd.Timestamp(step[key]).tz_localize(None) for key in ("start", "end"))
+        own = readings[(readings.index >= start) & (readings.index < end)]
+        for column in range(readings.shape[1]):
+            known = own.iloc[:, column].dropna()
+            if len(known):
+                found[number, column] = known.iloc[-1]
+    if since is not None:
+        first = [step["name"] for step in steps].index(since)
+        found = found - found[first]
+        found[:first] = np.nan
+    return found

@@ -1,0 +1,152 @@
+"""Instruments in fields that are known: stress along any axis, extension, closure; their readings; mistakes."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from small_mines import load, moved_by, states_of
+
+from catalogs.report.sections.observations import instrument_line, misfit_interval
+from common.errors import InputError
+from common.observation_table import FIELDS
+from response.observation_settings import ObservationSlice
+from response.observations import observe
+from workflow.configuration import load_mine
+
+ROOM = {"name": "room", "shape": "box", "lower": ["-4 m", "-3 m", "-2 m"], "upper": ["4 m", "3 m", "2 m"]}
+STEPS = [{"name": "history"}, {"name": "a", "start": "2020-01-01", "end": "2020-02-01"}]
+STEPS += [{"name": "b", "start": "2020-02-01", "end": "2020-03-01"}]
+GRADIENT = np.array([[1e-4, 2e-5, 0.0], [-3e-5, -2e-4, 4e-5], [1e-5, 0.0, 3e-4]])
+MARKS = {"start": ["-4 m", "0 m", "0 m"], "end": ["4 m", "1 m", "0.5 m"]}
+
+
+def observed(folder, instruments, gradients=(0.0, 1.0, 2.0), **more):
+    """Table of observations of a room, in states moved by multiples of GRADIENT."""
+    mine = load(folder, [ROOM], steps=STEPS, observations=instruments, **more)
+    grid, state = states_of(mine, folder)
+    states = [moved_by(state, factor * GRADIENT, np.ones(3)) for factor in gradients]
+    table = observe(ObservationSlice.of(mine.observations_slice()), grid, states)
+    assert set(table) == {field.name for field in FIELDS}
+    return table
+
+
+def test_an_extensometer_and_a_closure_read_a_linear_field(tmp_path):
+    """Extension along the line, closure positive where marks come nearer; both from the step `since` on."""
+    line = {"name": "mpbx", "start": ["5 m", "0 m", "0 m"], "end": ["5 m", "8 m", "6 m"], "anchors": ["2 m", "8 m"]}
+    table = observed(tmp_path, {"lines": [line], "closures": [MARKS | {"name": "c", "since": "a"}]})
+    along = np.array([0.0, 0.8, 0.6])
+    strain = float(along @ GRADIENT @ along)
+    extension = table["modelled"].values[table["instrument"].values == "mpbx"].reshape(2, 3)
+    np.testing.assert_allclose(extension, 1e3 * strain * np.outer([2.0, 8.0], [0.0, 1.0, 2.0]), atol=1e-4)
+    between = np.array([8.0, 1.0, 0.5])
+    closing = -float(between @ GRADIENT @ between) / np.linalg.norm(between)
+    closure = table["modelled"].values[table["instrument"].values == "c"]
+    np.testing.assert_allclose(closure[1:], 1e3 * closing * np.array([0.0, 1.0]), atol=1e-4)
+    assert np.isnan(closure[0])
+
+
+def test_a_cell_reads_compression_along_its_axis(tmp_path):
+    """Virgin stress far from the room: -10, -20 and -15 MPa along east, north and up."""
+    far = {"at": ["12 m", "12 m", "12 m"]}
+    points = [
+        far | {"name": name, "axis": axis}
+        for name, axis in (
+            ("east", {"trend": "90 deg"}),
+            ("north", {"trend": "0 deg"}),
+            ("down", {"trend": "30 deg", "plunge": "90 deg"}),
+            ("between", {"trend": "45 deg"}),
+        )
+    ]
+    table = observed(tmp_path, {"points": [*points, far | {"name": "all"}]})
+    first = table.isel(row=np.flatnonzero(table["step"].values == "history"))
+    found = dict(zip(first["instrument"].values[:4].tolist(), first["modelled"].values[:4].tolist(), strict=True))
+    assert found == pytest.approx({"east": 10.0, "north": 20.0, "down": 15.0, "between": 15.0}, abs=0.4)
+    every = first.isel(row=slice(4, None))
+    values = dict(zip(every["quantity"].values.tolist(), every["modelled"].values.tolist(), strict=True))
+    assert values["stress xx"] == pytest.approx(-10.0, abs=0.4)
+    assert values["major compression"] == pytest.approx(20.0, abs=0.4)
+    assert values["minor compression"] == pytest.approx(10.0, abs=0.4)
+
+
+def test_readings_are_the_last_of_each_step_in_the_models_unit(tmp_path):
+    """Centimetres, out of order, zeroed at the end of step a; a month without a reading has none."""
+    rows = [("2020-02-20", 3.0), ("2020-01-10", 0.5), ("2020-01-31T12:00", 1.0), ("2020-04-01", 9.0)]
+    pd.DataFrame(rows, columns=["day", "gap"]).to_csv(tmp_path / "c.csv", index=False)
+    mark = MARKS | {"name": "c", "since": "a", "file": "c.csv", "units": "cm", "error": "1 mm", "date": "day"}
+    table = observed(tmp_path, {"closures": [mark | {"columns": ["gap"]}]})
+    np.testing.assert_allclose(table["measured"].values, [np.nan, 0.0, 20.0])
+    np.testing.assert_allclose(table["measured_error"].values, [np.nan, 1.0, 1.0])
+    line = instrument_line(table, "c")
+    assert line.readings == 2
+    expected = np.sqrt(np.mean((table["measured"].values[1:] - table["modelled"].values[1:]) ** 2))
+    assert line.misfit == pytest.approx(expected)
+
+
+def test_the_interval_of_a_misfit_covers():
+    """Normal misfits of known standard deviation: 95 of 100 intervals hold it."""
+    generator, held = np.random.default_rng(4), 0
+    for _ in range(2000):
+        low, high = misfit_interval(float(np.sqrt(np.mean(generator.normal(size=6) ** 2))), 6)
+        held += low <= 1.0 <= high
+    assert held / 2000 == pytest.approx(0.95, abs=0.015)
+    assert np.isnan(misfit_interval(np.nan, 0)).all()
+
+
+CELL = {"name": "SC1", "at": ["8 m", "0 m", "0 m"], "axis": {"trend": "90 deg"}}
+READ = {"file": "r.csv", "units": "MPa", "error": "0.5 MPa"}
+LINE = {"name": "M", "start": ["5 m", "0 m", "0 m"], "end": ["9 m", "0 m", "0 m"], "anchors": ["1 m", "3 m"]}
+DATES = {"columns": ["date"]}
+MISTAKES = {
+    "in mined rock": ({"points": [CELL | {"at": ["0 m", "0 m", "0 m"]}]}, "inside room, which is mined"),
+    "outside": ({"points": [CELL | {"at": ["99 m", "0 m", "0 m"]}]}, "outside the domain"),
+    "wrong unit": ({"points": [CELL | READ | {"units": "mm"}]}, "units: '1 mm' is no stress"),
+    "no unit": ({"points": [CELL | {"file": "r.csv", "error": "1 MPa"}]}, "units: missing; readings need it"),
+    "no error": ({"points": [CELL | READ | {"error": "0 MPa"}]}, "a reading has an error above zero"),
+    "no axis": ({"points": [{key: CELL[key] for key in ("name", "at")} | READ]}, "axis: missing"),
+    "no file": ({"points": [CELL | READ | {"file": "none.csv"}]}, "no such file"),
+    "no column": ({"points": [CELL | READ | {"columns": ["load"]}]}, "has no column load; it has date, value"),
+    "no date": ({"points": [CELL | READ | {"date": "value"}]}, "row 1: 1.5 is no date"),
+    "no number": ({"points": [CELL | READ | DATES]}, "row 1, date: 2020-01-05 is no number"),
+    "one column twice": ({"points": [CELL | READ, CELL | READ | {"name": "SC2"}]}, "is that of observations.points[0]"),
+    "one name twice": ({"points": [CELL, CELL]}, "two instruments are called"),
+    "unknown step": ({"points": [CELL | {"since": "aa"}]}, "no step aa; did you mean a?"),
+    "undated step": ({"points": [CELL | READ | {"since": "history"}]}, "history has no dates"),
+    "anchor beyond": ({"lines": [LINE | {"anchors": ["1 m", "30 m"]}]}, "an anchor at 30 m is beyond the end, 4 m"),
+    "anchors and columns": ({"lines": [LINE | READ | {"units": "mm", "error": "1 mm"}]}, "1 columns for 2 anchors"),
+    "no length": ({"lines": [LINE | {"end": LINE["start"]}]}, "the same point as where the line starts"),
+    "too many points": ({"lines": [{**LINE, "anchors": None, "every": "0.0001 m"}]}, "more than 10000 points"),
+    "one mark": ({"closures": [MARKS | {"name": "c", "end": MARKS["start"]}]}, "the same point as the other mark"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line(tmp_path, mistake):
+    instruments, expected = MISTAKES[mistake]
+    instruments = {
+        kind: [{key: value for key, value in one.items() if value is not None} for one in own]
+        for kind, own in instruments.items()
+    }
+    (tmp_path / "r.csv").write_text("date,value\n2020-01-05,1.5\n")
+    with pytest.raises(InputError) as raised:
+        load(tmp_path, [ROOM], steps=STEPS, observations=instruments)
+    (line,) = raised.value.lines
+    assert "observations" in line
+    assert expected in line
+
+
+def test_a_mine_in_a_plane_has_no_instruments(tmp_path):
+    with pytest.raises(InputError, match="instruments need a mine in three dimensions"):
+        load(
+            tmp_path, [{"name": "hole", "shape": "circle", "center": ["0 m", "0 m"], "radius": "3 m"}], plane="xy",
+            domain={"lower": ["-16 m", "-16 m"], "upper": ["16 m", "16 m"]}, observations={"points": [CELL]},
+        )  # fmt: skip
+
+
+def test_places_are_in_the_grid_of_the_mine(tmp_path):
+    """A grid turned by 90 degrees: x of the file is north, y is west."""
+    grid = {"angle": "90 deg", "origin": {"grid": ["0 m", "0 m"], "map": ["0 m", "0 m"]}}
+    load(tmp_path, [ROOM], observations={"points": [CELL]})
+    text = (tmp_path / "small.yaml").read_text().replace("surface: 0 m", f"surface: 0 m\n  grid: {grid}")
+    (tmp_path / "turned.yaml").write_text(text)
+    point = load_mine(tmp_path / "turned.yaml").settings.observations.points[0]
+    assert abs(point.at[0]) < 1e-9
+    assert abs(point.at[1]) == pytest.approx(8.0)
