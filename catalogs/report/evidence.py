@@ -94,8 +94,8 @@ class Evidence:
     STATE_VARIABLES of the last stage;
     catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations: the
     datasets of these names, None where there is none; files: {path: attributes} of all read; logs: folder of the
-    stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own coordinates, if it is not the
-    map, and in words.
+    stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own coordinates, if that is not
+    the map, and in words.
     """
 
     config: dict

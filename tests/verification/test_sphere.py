@@ -106,7 +106,7 @@ def test_study_on_cells_of_twice_the_size(tmp_path):
     first order in h."""
     results = run_study("sphere", tmp_path, ["hydrostatic", "uniaxial_filled"], **{"grid.levels": 3})
     rows, _ = answer(results)
-    assert len(rows) == 13
+    assert len(rows) == 17
     for row in rows:
         if "sets in motion" in row.quantity:
             assert row.error < 0.12, row
