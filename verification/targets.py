@@ -109,6 +109,10 @@ class Studies:
         return files
 
 
+# What results of events depend on beyond the mechanics. The report beside it shows them.
+EVENTS = ("catalogs/compare", "catalogs/sources")
+
+
 @dataclass(frozen=True)
 class Measuring:
     """Description, for the rules, of a study that measures cases of its own; they do not load its package.
@@ -140,7 +144,7 @@ MEASURING = {  # By the name of the target.
         lambda cases: cases.studies.named("spread_")[::-1],
         memory=4000,
         uses=("tradeoff",),
-        numerics=("catalogs",),
+        numerics=EVENTS,
     ),
     # Processor time and memory of shipped mines, by cells and steps.
     "mine_times": Measuring(lambda cases: cases.studies.named("times_")[::-1], memory=4000, tables=("steps",)),
@@ -149,14 +153,14 @@ MEASURING = {  # By the name of the target.
         lambda cases: [*cases.studies.named("scale_"), *DRAWN, ARRAYS],
         memory=12000,
         tables=("growth", ARRAYS),
-        numerics=("catalogs",),
+        numerics=EVENTS,
     ),
     # What each economy saves, off against on, one at a time.
     "economies": Measuring(
         lambda cases: cases.studies.variants("economies_"),
         memory=12000,
         tables=("savings",),
-        numerics=("catalogs",),
+        numerics=EVENTS,
     ),
     # What quotes foresee beside what runs take.
     "foreseen": Measuring(

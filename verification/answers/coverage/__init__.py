@@ -18,7 +18,10 @@ from verification.plots import plot_errors
 from verification.results import Results
 from verification.rows import Row
 
-NUMERICS = ("baselines", "calibration", "catalogs", "plans")  # Folders that the results may change with.
+NUMERICS = (  # Folders and files that the results may change with.
+    *("baselines", "calibration", "plans", "catalogs/compare", "catalogs/sources"),
+    "catalogs/report/verdict.py",
+)
 
 TABLES = (
     Pivot(

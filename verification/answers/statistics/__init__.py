@@ -14,7 +14,7 @@ from verification.plots import plot_errors, plot_series
 from verification.results import Results
 from verification.rows import Row
 
-NUMERICS = ("catalogs",)  # Folders that the results may change with.
+NUMERICS = ("catalogs/compare", "catalogs/sources")  # Folders that the results may change with.
 
 TABLES = (
     Pivot(
