@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from common.opening_table import SIDES
 from response.centre_lines import CentreLine
+from response.rock import axes_of
 
 STEEPEST_WALL = np.sin(np.radians(45.0))  # A wall's normal rises or falls less than this; others are roof and floor.
 FACE = np.cos(np.radians(45.0))  # A face's normal lies along the drive by more than this.
 POINTS_PER_CELL = 2.0  # Along an edge of a finest cell.
 MIN_ROOF = 0.1  # Sine of the angle between a drive and the vertical below which it is a shaft.
-MAX_BISECTIONS = 60  # Of a facet; each halves its longest edge.
+R2 = 1.0 / 1.32471795724474602596 ** np.array([1.0, 2.0])  # Powers of the plastic number.
 
 
 @dataclass(frozen=True)
@@ -51,18 +52,18 @@ def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:
     position, facets = grid["solid_position"].values, grid["solid_facets"].values.astype(np.int64)
     owner, spacing = grid["solid_excavation"].values.astype(np.int64), grid.attrs["fine_cell"] / POINTS_PER_CELL
     if grid.attrs["plane"] == "none":
-        corners, owner = _bisected(position[facets], owner, spacing)
+        corners = position[facets]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        area = 0.5 * np.linalg.norm(across, axis=1)
+        size, largest, depth = 0.5 * np.linalg.norm(across, axis=1), spacing**2, 1.0
     else:
-        corners, owner = _bisected(position[facets[:, :2]], owner, spacing)
+        corners = position[facets[:, :2]]
         along = corners[:, 1] - corners[:, 0]
-        out_of_plane = np.cross(*np.eye(3)[_plane_axes(grid)])
-        across = np.cross(along, out_of_plane)
-        area = np.linalg.norm(along, axis=1) * float(grid.attrs["thickness"])
-    kept = np.flatnonzero(area > 0.0)
+        across = np.cross(along, np.cross(*np.eye(3)[axes_of(grid)]))
+        size, largest, depth = np.linalg.norm(along, axis=1), spacing, float(grid.attrs["thickness"])
+    kept = np.flatnonzero(size > 0.0)
     normal = across[kept] / np.linalg.norm(across[kept], axis=1)[:, None]
-    place, normal, area, owner = _merged(corners[kept].mean(axis=1), normal, area[kept], owner[kept], spacing)
+    place, area, facet = _spread(corners[kept], size[kept], largest)
+    place, normal, area, owner = _merged(place, normal[facet], depth * area, owner[kept][facet], spacing)
     up, along, chainage = _frame(place, owner, lines)
     rise = np.einsum("pi,pi->p", normal, up)
     side = np.full(len(place), SIDES.index("walls"))
@@ -72,33 +73,24 @@ def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:
     return Walls(place, normal, area, owner, side, up, chainage)
 
 
-def _plane_axes(grid: xr.Dataset) -> list[int]:
-    """Indices of the two axes of a mine in plane strain."""
-    return ["xyz".index(axis) for axis in grid.attrs["plane"]]
+def _spread(corners: NDArray, size: NDArray, largest: float) -> tuple[NDArray, NDArray, NDArray]:
+    """Points (point, xyz) that stand for facets (facet, corner, xyz) evenly, the size of each, and its facet (point,).
 
-
-def _bisected(corners: NDArray, owner: NDArray, spacing: float) -> tuple[NDArray, NDArray]:
-    """Facets (facet, corner, xyz) whose longest edge is `spacing` m at most, and their owners: each longer one is
-    halved across its longest edge, so that slivers do not become more facets than their length needs."""
-    done, owners = [], []
-    count = corners.shape[1]
-    for _ in range(MAX_BISECTIONS):
-        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        long = edges.max(axis=1, initial=0.0) > spacing
-        done.append(corners[~long])
-        owners.append(owner[~long])
-        corners, owner, edges = corners[long], owner[long], edges[long]
-        if not len(corners):
-            break
-        first = edges.argmax(axis=1)
-        row = np.arange(len(corners))
-        second = (first + 1) % count
-        middle = 0.5 * (corners[row, first] + corners[row, second])
-        one, other = corners.copy(), corners.copy()
-        one[row, second] = middle
-        other[row, first] = middle
-        corners, owner = np.concatenate([one, other]), np.concatenate([owner, owner])
-    return np.concatenate([*done, corners]), np.concatenate([*owners, owner])
+    size (facet,): area of triangles, length of segments. A facet has as many points as keep their size below `largest`.
+    In a triangle they are a sequence of low discrepancy (R2: Roberts 2018) that begins at its middle, so that slivers
+    have no more points than their area needs.
+    """
+    count = np.maximum(np.ceil(size / largest), 1).astype(np.int64)
+    facet = np.repeat(np.arange(len(size)), count)
+    number = np.arange(len(facet)) - np.repeat(np.cumsum(count) - count, count)
+    own = corners[facet]
+    if corners.shape[1] == 2:
+        along = (number + 0.5) / count[facet]
+        return own[:, 0] + along[:, None] * (own[:, 1] - own[:, 0]), (size / count)[facet], facet
+    place = (1.0 / 3.0 + number[:, None] * R2) % 1.0
+    place = np.where(place.sum(axis=1, keepdims=True) > 1.0, 1.0 - place, place)
+    edges = own[:, 1:] - own[:, :1]
+    return own[:, 0] + np.einsum("pk,pki->pi", place, edges), (size / count)[facet], facet
 
 
 def _merged(
@@ -111,8 +103,8 @@ def _merged(
     cube = np.floor(place / spacing).astype(np.int64)
     facing = 2 * np.abs(normal).argmax(axis=1)
     facing += normal[np.arange(len(normal)), facing // 2] > 0.0
-    _, group = np.unique(np.column_stack([owner, cube, facing]), axis=0, return_inverse=True)
-    group = group.reshape(-1)
+    keys = np.column_stack([owner, cube - cube.min(axis=0, initial=0), facing])
+    _, group = np.unique(np.ravel_multi_index(keys.T, keys.max(axis=0, initial=0) + 1), return_inverse=True)
     total = np.bincount(group, area)
     places, normals = (
         np.stack([np.bincount(group, area * column) for column in values.T], axis=1) / total[:, None]
