@@ -14,7 +14,6 @@ STEEPEST_WALL = np.sin(np.radians(45.0))  # A wall's normal rises or falls less 
 FACE = np.cos(np.radians(45.0))  # A face's normal lies along the drive by more than this.
 POINTS_PER_CELL = 2.0  # Along an edge of a finest cell.
 MIN_ROOF = 0.1  # Sine of the angle between a drive and the vertical below which it is a shaft.
-R2 = 1.0 / 1.32471795724474602596 ** np.array([1.0, 2.0])  # Powers of the plastic number.
 
 
 @dataclass(frozen=True)
@@ -54,15 +53,15 @@ def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:
     if grid.attrs["plane"] == "none":
         corners = position[facets]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        size, largest, depth = 0.5 * np.linalg.norm(across, axis=1), spacing**2, 1.0
+        size, depth = 0.5 * np.linalg.norm(across, axis=1), 1.0
     else:
         corners = position[facets[:, :2]]
         along = corners[:, 1] - corners[:, 0]
         across = np.cross(along, np.cross(*np.eye(3)[axes_of(grid)]))
-        size, largest, depth = np.linalg.norm(along, axis=1), spacing, float(grid.attrs["thickness"])
+        size, depth = np.linalg.norm(along, axis=1), float(grid.attrs["thickness"])
     kept = np.flatnonzero(size > 0.0)
     normal = across[kept] / np.linalg.norm(across[kept], axis=1)[:, None]
-    place, area, facet = _spread(corners[kept], size[kept], largest)
+    place, area, facet = _spread(corners[kept], size[kept], spacing)
     place, normal, area, owner = _merged(place, normal[facet], depth * area, owner[kept][facet], spacing)
     up, along, chainage = _frame(place, owner, lines)
     rise = np.einsum("pi,pi->p", normal, up)
@@ -73,24 +72,52 @@ def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:
     return Walls(place, normal, area, owner, side, up, chainage)
 
 
-def _spread(corners: NDArray, size: NDArray, largest: float) -> tuple[NDArray, NDArray, NDArray]:
-    """Points (point, xyz) that stand for facets (facet, corner, xyz) evenly, the size of each, and its facet (point,).
+def _spread(corners: NDArray, size: NDArray, spacing: float) -> tuple[NDArray, NDArray, NDArray]:
+    """Points (point, xyz) that stand for facets (facet, corner, xyz), the size of each, and its facet (point,).
 
-    size (facet,): area of triangles, length of segments. A facet has as many points as keep their size below `largest`.
-    In a triangle they are a sequence of low discrepancy (R2: Roberts 2018) that begins at its middle, so that slivers
-    have no more points than their area needs.
+    size (facet,): area of triangles, length of segments, above 0. A triangle is cut across its longest edge into strips
+    at most `spacing` m wide, and each strip into parts at most as long, so that slivers have no more points than their
+    length needs.
     """
-    count = np.maximum(np.ceil(size / largest), 1).astype(np.int64)
-    facet = np.repeat(np.arange(len(size)), count)
-    number = np.arange(len(facet)) - np.repeat(np.cumsum(count) - count, count)
-    own = corners[facet]
     if corners.shape[1] == 2:
+        count = np.ceil(size / spacing).astype(np.int64)
+        facet, number = _numbered(count)
         along = (number + 0.5) / count[facet]
+        own = corners[facet]
         return own[:, 0] + along[:, None] * (own[:, 1] - own[:, 0]), (size / count)[facet], facet
-    place = (1.0 / 3.0 + number[:, None] * R2) % 1.0
-    place = np.where(place.sum(axis=1, keepdims=True) > 1.0, 1.0 - place, place)
-    edges = own[:, 1:] - own[:, :1]
-    return own[:, 0] + np.einsum("pk,pki->pi", place, edges), (size / count)[facet], facet
+    edges = np.roll(corners, -1, axis=1) - corners
+    length = np.linalg.norm(edges, axis=2)
+    first, row = length.argmax(axis=1), np.arange(len(corners))
+    start, longest, length = corners[row, first], edges[row, first], length[row, first]
+    apex = corners[row, (first + 2) % 3] - start
+    foot = np.clip(np.einsum("fi,fi->f", apex, longest) / length**2, 0.0, 1.0)  # of the apex, along the longest edge
+    across = apex - foot[:, None] * longest
+    strips = np.ceil(length / spacing).astype(np.int64)
+    facet, number = _numbered(strips)
+    low, high = number / strips[facet], (number + 1) / strips[facet]
+    share = _area_before(high, foot[facet]) - _area_before(low, foot[facet])
+    middle = 0.5 * (low + high)
+    width = np.minimum(
+        middle / np.maximum(foot[facet], middle), (1.0 - middle) / np.maximum(1.0 - foot[facet], 1.0 - middle)
+    )
+    parts = np.maximum(np.ceil(width * np.linalg.norm(across[facet], axis=1) / spacing), 1).astype(np.int64)
+    strip, number = _numbered(parts)
+    facet, height = facet[strip], width[strip] * (number + 0.5) / parts[strip]
+    place = start[facet] + middle[strip, None] * longest[facet] + height[:, None] * across[facet]
+    return place, size[facet] * share[strip] / parts[strip], facet
+
+
+def _numbered(count: NDArray) -> tuple[NDArray, NDArray]:
+    """Index of the owner and number, from 0, of each of `count` (n,) parts."""
+    owner = np.repeat(np.arange(len(count)), count)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def _area_before(along: NDArray, foot: NDArray) -> NDArray:
+    """Share of a triangle's area before a place along its longest edge, 0 to 1; foot: that of its apex."""
+    rising = along**2 / np.where(foot > 0.0, foot, 1.0)
+    falling = 1.0 - (1.0 - along) ** 2 / np.where(foot < 1.0, 1.0 - foot, 1.0)
+    return np.where(along <= foot, rising, falling)
 
 
 def _merged(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from small_mines import CELL, load
 
@@ -57,19 +57,27 @@ def test_a_shaft_has_walls_and_faces_only(tmp_path):
     assert found["face"] == pytest.approx(2 * np.pi * 4, rel=0.02)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.lists(st.floats(-5.0, 5.0), min_size=9, max_size=9), st.floats(0.05, 3.0))
-def test_points_of_a_triangle_stand_for_equal_parts_of_it(corners, largest):
-    """Slivers, too: none stands for more than asked, they add up, and means of linear fields are those of the whole."""
+def test_points_of_a_triangle_stand_for_parts_of_it(corners, spacing):
+    """Slivers, too: areas add up, points are in the triangle, and their mean is near its middle."""
     triangle = np.array(corners).reshape(1, 3, 3)
-    area = 0.5 * np.linalg.norm(np.cross(triangle[0, 1] - triangle[0, 0], triangle[0, 2] - triangle[0, 0]))
-    place, size, facet = _spread(triangle, np.array([area]), largest)
-    assert size.max() <= largest
+    normal = np.cross(triangle[0, 1] - triangle[0, 0], triangle[0, 2] - triangle[0, 0])
+    area = 0.5 * np.linalg.norm(normal)
+    assume(area > 1e-6)
+    place, size, facet = _spread(triangle, np.array([area]), spacing)
     assert size.sum() == pytest.approx(area)
+    assert size.min() >= 0.0
+    assert size.max() <= 1.0001 * spacing**2
     assert (facet == 0).all()
-    assert len(place) == max(np.ceil(area / largest), 1)
-    off = np.abs(place.mean(axis=0) - triangle[0].mean(axis=0)).max()
-    assert off <= 1.5 * np.ptp(triangle[0], axis=0).max() / len(place) ** 0.7 + 1e-9
+    solved = np.linalg.lstsq((triangle[0, 1:] - triangle[0, 0]).T, (place - triangle[0, 0]).T, rcond=None)[0]
+    assert solved.min() > -1e-6
+    assert solved.sum(axis=0).max() < 1 + 1e-6
+    off = np.linalg.norm(np.average(place, axis=0, weights=size) - triangle[0].mean(axis=0))
+    assert off <= spacing
+    edges = np.linalg.norm(np.roll(triangle[0], -1, axis=0) - triangle[0], axis=1)
+    height = 2.0 * area / edges.max()
+    assert len(place) <= (edges.max() / spacing + 1) * (height / spacing + 1)
 
 
 def test_points_are_as_close_as_asked_for(tmp_path):
