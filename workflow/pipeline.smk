@@ -13,6 +13,7 @@ include: "rules/requests.smk"
 include: "rules/calibration.smk"
 include: "rules/baselines.smk"
 include: "rules/plans.smk"
+include: "rules/export.smk"
 include: "../verification/Snakefile"
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from workflow.mine import Mine  # which a job does not need
 
 ROOT = Path(__file__).resolve().parents[2]
-MODULES = ("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans")
+MODULES = ("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans", "export")
 IMPORTS = {  # packages that the code of a package uses
     "common": (),
     "mpm_core": ("common",),
@@ -30,6 +30,7 @@ IMPORTS = {  # packages that the code of a package uses
     "calibration": ("catalogs", "common", "seismic"),
     "baselines": ("catalogs", "common", "mpm_core"),
     "plans": ("catalogs", "common"),
+    "export": ("catalogs", "common", "mpm_core"),
 }
 
 SettingsOf = Callable[["Mine", Mapping[str, str]], dict]
