@@ -68,6 +68,8 @@ def export_catalogues(settings: dict, catalogues: dict[str, Path], folder: Path)
         }
         if events.attrs["kind"] == "synthetic":
             data["resolved"] = events["resolved"].values
+        named = ("event", "nearest opening", "distance to nearest opening [m]")
+        data |= {column.replace("[m]", "(m)"): np.asarray(table[column]) for column in named if column in table}
         write_project(settings["mine"], [Points(name, points, data)], own.unit, folder / f"{name}.omf")
         write_table(table, folder / f"{name}.csv")
         logging.info("%s: %d points", name, len(points))

@@ -9,6 +9,7 @@ import xarray as xr
 
 from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path
+from common.event_table import EVENT_ID, NEAREST_OPENING, OPENING_DISTANCE
 from common.voigt import COMPONENTS, NAMES, voigt_from_tensor
 from export.failed_rock import is_failed
 from export.own_coordinates import OwnCoordinates
@@ -64,10 +65,14 @@ def event_table(events: xr.Dataset, own: OwnCoordinates) -> dict:
     table: dict = coordinates(events["location"].values, own)
     times = pd.DatetimeIndex(events["time"].values)
     table["date and time [UTC]"] = times.strftime("%Y-%m-%d %H:%M:%S").fillna("")
-    table["time early by at most [s]"] = events["time_upper_uncertainty"].values
-    table["time late by at most [s]"] = events["time_lower_uncertainty"].values
+    table["event earlier by at most [s]"] = events["time_lower_uncertainty"].values
+    table["event later by at most [s]"] = events["time_upper_uncertainty"].values
     table["step"] = events["step"].values
-    if "particles" in events and events.attrs["kind"] == "synthetic":
+    if EVENT_ID.name in events:
+        table["event"] = events[EVENT_ID.name].values
+        table["nearest opening"] = events[NEAREST_OPENING.name].values
+        table["distance to nearest opening [m]"] = events[OPENING_DISTANCE.name].values
+    if events.attrs["kind"] == "synthetic":
         table["resolved [1]"] = events["resolved"].values
     table["log10 potency [m3]"] = np.where(events["potency"].values > 0, log_potency(events["potency"].values), np.nan)
     table["moment [N m]"] = events["moment"].values

@@ -28,7 +28,7 @@ if FILES.has_record:
 rule events:
     """Seismic events of all steps: rock that fails together, touches and has like mechanisms; and their catalogue."""
     input:
-        **INPUTS.of("events", steps=FILES.states),
+        **INPUTS.of("events", steps=FILES.states, grid=FILES.grid),
     output:
         directory(f"{RESULTS}/events"),
         f"{RESULTS}/catalog.nc",

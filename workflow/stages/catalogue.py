@@ -4,9 +4,13 @@ import json
 import logging
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from common.job import Job
 from workflow.stages import stage
+
+if TYPE_CHECKING:
+    from workflow.mine import Mine
 
 
 @stage("catalogs", settings=lambda mine, wildcards: mine.record_slice())
@@ -19,9 +23,15 @@ def record(job: Job) -> None:
     write_events(read_record(job.settings).assign_attrs(frame | job.provenance()), job.output())
 
 
-@stage("seismic", settings=lambda mine, wildcards: mine.events_slice())
+@stage(
+    "seismic",
+    modules=("catalogs.sources.openings", "catalogs.sources.event_labels"),
+    settings=lambda mine, wildcards: mine.events_slice() | {"openings": openings_of(mine)},
+)
 def events(job: Job) -> None:
     """Seismic events of all steps, from their plastic strain, and the catalogue of the dated ones"""
+    from catalogs.sources.event_labels import label_events
+    from common.datasets import read_dataset
     from common.event_table import read_events, write_events
     from common.processes import call_all
     from seismic.catalog import merge
@@ -40,7 +50,21 @@ def events(job: Job) -> None:
     dated = [name for name in steps if steps[name]["dates"]["start"]]
     merged = merge([read_events(files[name]) for name in dated or steps])
     logging.info("catalogue of %d events, %d resolved", merged.sizes["event"], int(merged["resolved"].sum()))
+    grid = read_dataset(job.input("grid"))
+    merged = label_events(merged, grid, job.settings["openings"], list(steps))
     write_events(merged.assign_attrs(provenance), job.output("catalog.nc"))
+
+
+def openings_of(mine: "Mine") -> list[dict]:
+    """Name of each excavation, and the places in the order of steps that it is mined and filled in, -1 for none."""
+    return [
+        {
+            "name": entry.name,
+            "mined": mine.step_index(entry.step),
+            "filled": mine.step_index(entry.fill_step) if entry.fill_material is not None else -1,
+        }
+        for entry in mine.excavations
+    ]
 
 
 def _events_of(state: Path, settings: dict):
@@ -63,6 +87,7 @@ def _events_of(state: Path, settings: dict):
 def catalogue(job: Job) -> None:
     """The catalogue as a table and as QuakeML, and sizes of events by several rules"""
 
+    from catalogs.sources.event_labels import append_columns, label_columns
     from catalogs.sources.quakeml import write_quakeml
     from common.datasets import read_dataset, write_dataset
     from common.event_table import read_events
@@ -73,6 +98,7 @@ def catalogue(job: Job) -> None:
 
     catalog = read_events(job.input("catalog"))
     write_csv(catalog, job.output("catalog.csv"))
+    append_columns(label_columns(catalog), job.output("catalog.csv"))
     if job.writes("catalog.xml"):
         write_quakeml(catalog, job.output("catalog.xml"))
     states = (read_dataset(path, {*ROCK_VARIABLES, *PLACE_VARIABLES}) for path in job.paths("steps"))
