@@ -68,8 +68,8 @@ def stage(
 ) -> Callable[[Callable[[Job], None]], Callable[[Job], None]]:
     """Declare a function as the stage of its name.
 
-    packages: those whose code it runs. settings: of a stage whose rule gives none of its own. modules: of `workflow`
-    that it runs besides its own, by their full names.
+    packages: those whose code it runs. settings: of a stage whose rule gives none of its own. modules: that
+    it runs besides these and its own, by their full names: of `workflow`, or single ones of other packages.
     """
 
     def declare(run: Callable[[Job], None]) -> Callable[[Job], None]:
