@@ -23,6 +23,7 @@ from workflow.key_order import key_in, parts_of, section_of
 from workflow.mine import Mine
 from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody, Step
 from workflow.record_checks import check_filter, check_frame, check_record
+from workflow.report_checks import check_sections
 from workflow.shapes import check_form, check_place, check_repeated
 from workflow.virgin_rock import check_virgin_stress
 
@@ -93,6 +94,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_filter, "record", "domain", "plane")
     check(check_face, "face", "plane", "steps")
     check(check_baselines, "baselines", "steps", *cells)
+    check(check_sections, "report", "excavations", *cells)
     check(check_repeated, "excavations", "steps")
     check(check_plans, "plans", "excavations", "steps")
     check(check_forecasts, "forecasts", "record", "steps")

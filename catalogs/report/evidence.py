@@ -13,7 +13,7 @@ import xarray as xr
 
 from catalogs.compare.bands import GridPreference, bands_of
 from catalogs.report.text import whole
-from catalogs.settings import InsituStress, ReportSlice, Scheduled
+from catalogs.settings import InsituStress, ReportSlice, Scheduled, SectionPlane
 from catalogs.sources.openings import FILL, NEVER, ROCK, Mining
 from common.cell_sizes import CELLS_ACROSS_FILL
 from common.datasets import read_dataset
@@ -85,7 +85,8 @@ class Evidence:
     STATE_VARIABLES of the last stage;
     catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores: the datasets of these names,
     None where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs; insitu: stress
-    before mining; mine_grid, grid_text: grid of the mine's own coordinates, if it is not the map, and in words.
+    before mining; mine_grid, grid_text: grid of the mine's own coordinates, if it is not the map, and in words;
+    sections: planes that the mine file chooses.
     """
 
     config: dict
@@ -107,6 +108,7 @@ class Evidence:
     insitu: InsituStress | None
     mine_grid: GridMap | None = None
     grid_text: str = ""
+    sections: tuple[SectionPlane, ...] = ()
 
     @property
     def steps(self) -> list[dict]:
@@ -201,6 +203,7 @@ def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | o
         insitu=settings.insitu,
         mine_grid=settings.mine_grid.map() if settings.mine_grid else None,
         grid_text=settings.grid_text,
+        sections=settings.sections,
     )
 
 

@@ -20,8 +20,8 @@ pytestmark = pytest.mark.usefixtures("without_drawing")
 
 
 SECTIONS = (
-    "first", "warnings", "record", "scene", "view", "rock", "steps", "events", "sizes", "axes", "balls", "uncertainty",
-    "convergence", "spread", "forecasts", "truncated", "budget", "resources", "config",
+    "first", "warnings", "record", "scene", "view", "rock", "planes", "steps", "events", "sizes", "axes", "balls",
+    "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget", "resources", "config",
 )  # fmt: skip
 
 

@@ -18,7 +18,9 @@ def dataset_of(model, step: int = 0):
     """A state of a model in which nothing has happened but mining, as its file has it."""
     state, count = model.virgin_state(), model.particles.count
     rating = np.ones(count), np.zeros(count)
-    return state_dataset(model, state, model.volumes(step), rating, {}, {"step_index": step, "step": "2019-08"})
+    return state_dataset(
+        model, state, model.material_volumes(step), rating, {}, {"step_index": step, "step": "2019-08"}
+    )
 
 
 def let_fail(state, seed: int, share: float):

@@ -7,7 +7,7 @@ its template shows under the section's name, with figures saved in the gallery.
 MAX_ROWS_UNFOLDED = 40  # A longer table is folded, or scrolls.
 TOPICS = {  # in the page's order: topic, and its sections by id in the page with their names in the contents
     "Before you use the numbers": {"warnings": "Warnings", "record": "Record and comparison"},
-    "Mine and rock": {"scene": "Scene and grid", "view": "View", "rock": "Failed rock"},
+    "Mine and rock": {"scene": "Scene and grid", "view": "View", "rock": "Failed rock", "planes": "Chosen sections"},
     "Events": {
         "steps": "Steps",
         "events": "Places",
