@@ -76,7 +76,8 @@ NEAREST_OPENING = _field(
 )
 OPENING_DISTANCE = _field("opening_distance", "event", "f8", "m", "distance to the cells of that excavation, 0 inside")
 LABELS = (EVENT_ID, NEAREST_OPENING, OPENING_DISTANCE)
-OPTIONAL_FIELDS = (ON_PLANES, LOCATION_UNCERTAINTY, *LABELS)
+RADIATED_ENERGY = _field("radiated_energy", "event", "f8", "J", "radiated energy, where a record states it")
+OPTIONAL_FIELDS = (ON_PLANES, LOCATION_UNCERTAINTY, *LABELS, RADIATED_ENERGY)
 
 
 def event_dataset(values: Mapping[str, NDArray], attributes: Mapping) -> xr.Dataset:

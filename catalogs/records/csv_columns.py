@@ -69,7 +69,8 @@ class ColumnSettings(Settings):
     mw: str = None
     """Column of the moment magnitude."""
     energy: str = None
-    """Column of the radiated energy (J). record.energy_conversion converts it."""
+    """Column of the radiated energy (J). The report has apparent stress and energy index from it. Without another size
+    record.energy_conversion converts it to a moment."""
     log_energy: str = None
     """Column of the logarithm to base 10 of the energy."""
     magnitude: str = None

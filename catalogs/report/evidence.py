@@ -30,7 +30,15 @@ STATE_VARIABLES = (
     *CELL_VARIABLES,
 )
 EVENT_FILES = ("catalog", "record")
-DATASETS = ("spread", *EVENT_FILES, "comparison", "event_rules", "grid_convergence", "forecast_scores")
+DATASETS = (
+    "spread",
+    *EVENT_FILES,
+    "comparison",
+    "event_rules",
+    "grid_convergence",
+    "forecast_scores",
+    "source_parameters",
+)
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
 
@@ -83,8 +91,9 @@ class Evidence:
     what each excavation mines, by the places of `steps`; stages: elastic, then the steps in order, each with its
     convergence table and attributes only, among them the dates of a step from its file of events; state:
     STATE_VARIABLES of the last stage;
-    catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores: the datasets of these names,
-    None where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs; insitu: stress
+    catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, source_parameters: the datasets
+    of these names, None where there is none; files: {path: attributes} of all read; logs: folder of the stages' logs;
+    insitu: stress
     before mining; mine_grid, grid_text: grid of the mine's own coordinates, if it is not the map, and in words;
     sections: planes that the mine file chooses.
     """
@@ -103,6 +112,7 @@ class Evidence:
     event_rules: xr.Dataset | None
     grid_convergence: xr.Dataset | None
     forecast_scores: xr.Dataset | None
+    source_parameters: xr.Dataset | None
     files: dict[str, dict]
     logs: Path | None
     insitu: InsituStress | None

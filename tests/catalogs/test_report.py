@@ -21,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("without_drawing")
 
 SECTIONS = (
     "first", "warnings", "record", "scene", "view", "rock", "planes", "steps", "events", "sizes", "axes", "balls",
-    "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget", "resources", "config",
+    "parameters", "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget", "resources", "config",
 )  # fmt: skip
 
 

@@ -56,6 +56,7 @@ rule catalogue:
             labels={"result": "catalogue"},
         ),
         event_rules=f"{RESULTS}/event_rules.nc",
+        source_parameters=f"{RESULTS}/source_parameters.nc",
         quakeml=[f"{RESULTS}/catalog.xml"] if FILES.has_quakeml else [],
     log:
         f"{LOGS}/catalogue.log",

@@ -14,6 +14,7 @@ TOPICS = {  # in the page's order: topic, and its sections by id in the page wit
         "sizes": "Sizes",
         "axes": "Axes",
         "balls": "Largest events",
+        "parameters": "Source parameters",
     },
     "How sure": {
         "uncertainty": "Uncertainty",
