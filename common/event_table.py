@@ -77,7 +77,10 @@ NEAREST_OPENING = _field(
 OPENING_DISTANCE = _field("opening_distance", "event", "f8", "m", "distance to the cells of that excavation, 0 inside")
 LABELS = (EVENT_ID, NEAREST_OPENING, OPENING_DISTANCE)
 RADIATED_ENERGY = _field("radiated_energy", "event", "f8", "J", "radiated energy, where a record states it")
-OPTIONAL_FIELDS = (ON_PLANES, LOCATION_UNCERTAINTY, *LABELS, RADIATED_ENERGY)
+SOURCE_RADIUS = _field("source_radius", "event", "f8", "m", "source radius, where a record states it")
+STATIC_STRESS_DROP = _field("static_stress_drop", "event", "f8", "Pa", "static stress drop, where a record states it")
+STATED = (RADIATED_ENERGY, SOURCE_RADIUS, STATIC_STRESS_DROP)  # By the networks of some records.
+OPTIONAL_FIELDS = (ON_PLANES, LOCATION_UNCERTAINTY, *LABELS, *STATED)
 
 
 def event_dataset(values: Mapping[str, NDArray], attributes: Mapping) -> xr.Dataset:

@@ -39,7 +39,7 @@ from catalogs.records.filters import filter_events
 from catalogs.records.settings import EventFileSettings, EventFileSlice
 from catalogs.records.times import check_zone
 from common.errors import InputError
-from common.event_table import RADIATED_ENERGY
+from common.event_table import RADIATED_ENERGY, SOURCE_RADIUS, STATIC_STRESS_DROP
 from common.frame import grid_of
 from common.setting_types import AsTuple, Settings, real_number, refusal, short
 from common.source_tensors import potency_from_moment
@@ -233,8 +233,11 @@ def read(settings: RecordSlice) -> xr.Dataset:
     if "step" in columns:
         other["step"] = table.words(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
-    if "energy" in numbers:
-        record[RADIATED_ENERGY.name] = (RADIATED_ENERGY.dims, numbers["energy"], RADIATED_ENERGY.attributes)
+    stated = {"energy": RADIATED_ENERGY, "source_radius": SOURCE_RADIUS, "static_stress_drop": STATIC_STRESS_DROP}
+    for key, field in stated.items():
+        if key in numbers:
+            values = np.where(numbers[key] > 0, numbers[key], np.nan)  # 0: what was never computed
+            record[field.name] = (field.dims, values, field.attributes)
     record.attrs |= {"sizes_text": sizes_said} if sizes_said else {}
     record.attrs |= {"times_text": times_said} if times_said else {}
     has_words = limits and (limits.only or limits.without)

@@ -50,6 +50,20 @@ def test_energy_of_a_record_is_kept_beside_its_sizes(tmp_path):
     np.testing.assert_allclose(in_kilojoules, 1e3 * energy)
 
 
+def test_radius_and_stress_drop_of_a_record(evidence, tmp_path):
+    """As its columns state them, in their units; 0 stands for what was never computed."""
+    text = "time,x,y,z,mw,r (ft),drop (MPa)\n2019-08-02T00:00:00,100,200,300,0.5,10,2\n"
+    text += "2019-08-03T00:00:00,100,210,300,0.4,0,3\n"
+    columns = {**COLUMNS, "source_radius": "r (ft)", "static_stress_drop": "drop (MPa)"}
+    del columns["energy"]
+    evidence.record = read(tmp_path, text, columns)
+    np.testing.assert_allclose(evidence.record["source_radius"], [3.048, np.nan])
+    np.testing.assert_allclose(evidence.record["static_stress_drop"], [2e6, 3e6])
+    rows = {row["name"]: row["values"] for row in page.section(evidence, Gallery())["rows"]}
+    assert rows["source radius (m)"][1].startswith("3.05")
+    assert rows["static stress drop (MPa)"][1].startswith("2.50")
+
+
 def test_model_and_record_side_by_side(evidence, tmp_path):
     evidence.record = read(tmp_path, CSV, COLUMNS)
     gallery = Gallery()
@@ -101,3 +115,11 @@ def test_an_unbounded_law_is_said_so(evidence):
     full.attrs["potency_floor"] = 1.0
     full["resolved"].values[:] = 1
     assert "With 95 % confidence it is not above" in page.possible("Modelled", full, page.cut_of("Modelled", full))
+
+
+def test_only_the_largest_of_many_events_are_declustered(evidence, tmp_path, monkeypatch):
+    """The sentence names the size from which on they are taken."""
+    evidence.record = read(tmp_path, CSV, COLUMNS)
+    monkeypatch.setattr(page, "MAX_DECLUSTERED", 7)
+    (sentence,) = page.section(evidence, Gallery())["declustered"]
+    assert "7 events from log P" in sentence

@@ -20,7 +20,7 @@ from catalogs.sources.declustering import MIN_EVENTS, decluster
 from catalogs.sources.largest_possible import largest_possible
 from catalogs.sources.sizes import log_potency
 from catalogs.sources.source_parameters import parameters
-from common.event_table import RADIATED_ENERGY
+from common.event_table import RADIATED_ENERGY, SOURCE_RADIUS, STATIC_STRESS_DROP
 from common.source_tensors import moment_magnitude
 
 ROWS = {  # of the table: variable, its name, factor to the unit shown
@@ -30,6 +30,8 @@ ROWS = {  # of the table: variable, its name, factor to the unit shown
     "apparent_stress": ("apparent stress (MPa)", 1e-6),
     "energy_index": ("energy index (1)", 1.0),
 }
+MAX_DECLUSTERED = 20_000  # Events: the time goes with the square of their number. Of more, the largest are taken.
+ROUND_OFF = 1e-9  # log10 m3
 SHARES = (16, 50, 84)  # percent of the events that are below the numbers of a row
 
 
@@ -69,6 +71,9 @@ def by_catalogue(evidence: Evidence) -> dict[str, tuple[xr.Dataset, xr.Dataset, 
         count, flat = record.sizes["event"], evidence.grid.attrs["plane"] != "none"
         energy = record[RADIATED_ENERGY.name].values if RADIATED_ENERGY.name in record else np.full(count, np.nan)
         own = parameters(record, energy, 2 if flat else 3, None)
+        for field in (SOURCE_RADIUS, STATIC_STRESS_DROP):
+            if field.name in record:
+                own[field.name].values[:] = record[field.name].values
         found[evidence.record_label] = own, record, np.ones(count, bool)
     return found
 
@@ -96,12 +101,17 @@ def _fit(label: str, values: xr.Dataset) -> str:
 
 
 def declustered(record: xr.Dataset, label: str) -> list[str]:
-    """Sentence on the declustered number of a record."""
+    """Sentence on the declustered number of a record: of the events from its cut on, if there is one."""
     if record.attrs["kind"] == "twin":
         return [f"{label}: a twin has the times of a model, which are evenly spread over each step."]
-    magnitude = record["mw"].values
-    found = decluster(record["time"].values, record["location"].values, magnitude)
-    events = plural(found.count, "event")
+    cut, width = cut_of(label, record)
+    size = log_potency(record["potency"].values)
+    cut -= 0.5 * width + ROUND_OFF
+    if np.isfinite(size).sum() > MAX_DECLUSTERED:
+        cut = np.fmax(cut, np.sort(size[np.isfinite(size)])[-MAX_DECLUSTERED])
+    used = record.isel(event=np.flatnonzero(size >= cut)) if np.isfinite(cut) else record
+    found = decluster(used["time"].values, used["location"].values, used["mw"].values)
+    events = plural(found.count, "event") + (f" from log P {fixed(cut, 2)} on" if np.isfinite(cut) else "")
     if found.count < MIN_EVENTS:
         return [f"{label}: {events}, too few to tell clusters from other events (at least {MIN_EVENTS})."]
     if not np.isfinite(found.limit):
@@ -129,8 +139,10 @@ def cut_of(label: str, events: xr.Dataset) -> tuple[float, float]:
 def possible(label: str, events: xr.Dataset, cut: tuple[float, float]) -> str:
     """Sentence on the largest possible event of the catalogue's period."""
     counted = events["resolved"].values == 1
-    found = largest_possible(log_potency(events["potency"].values[counted]), *cut) if np.isfinite(cut[0]) else None
-    if found is None or not np.isfinite(found.seen):
+    if not np.isfinite(cut[0]):
+        return f"{label}: it is complete from no size on, so it has no law of sizes and no largest possible event."
+    found = largest_possible(log_potency(events["potency"].values[counted]), *cut)
+    if not np.isfinite(found.seen):
         return f"{label}: too few events above the cut to tell the largest possible one."
     shear = float(events.attrs["shear_modulus"])
 
