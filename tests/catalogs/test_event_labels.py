@@ -45,6 +45,17 @@ def test_the_nearest_opening_is_one_that_is_mined_by_then(grid):
     np.testing.assert_allclose(labelled["opening_distance"].values, [4.0, 7.0, 1.0, 0.0, 5.0], atol=1e-9)
 
 
+def test_a_planned_opening_is_not_there_yet(grid):
+    """However near it is."""
+    planned = [OPENINGS[0], OPENINGS[1] | {"mined": -1}]
+    labelled = label_events(catalogue([[15.0, 6.0, 6.0]], ["2019-09"]), grid, planned, STEPS)
+    assert labelled["nearest_opening"].values.tolist() == ["drive"]
+    assert labelled["opening_distance"].values == pytest.approx([7.0])
+    none = [one | {"mined": -1} for one in OPENINGS]
+    labelled = label_events(catalogue([[15.0, 6.0, 6.0]], ["2019-09"]), grid, none, STEPS)
+    assert labelled["nearest_opening"].values.tolist() == [""]
+
+
 def test_the_order_of_openings_in_the_file_does_not_count(grid):
     other = make_grid(grid_slice(*(block(*BOXES[name], name) for name in reversed(BOXES)), coarse_cell=4.0), {})
     events = catalogue(np.random.default_rng(1).uniform(0, 24, (50, 3)), ["2019-08"] * 20 + ["2019-09"] * 30)

@@ -151,6 +151,22 @@ def test_the_report_shows_chosen_planes(mine, tmp_path, monkeypatch):
     assert planes.section(evidence, Gallery()) is None
 
 
+def test_only_events_near_a_plane_are_drawn(mine):
+    """On both sides of it, at their coordinates in it."""
+    evidence = fixtures.evidence_of(**mine.arguments())
+    events = evidence.resolved
+    plane = Plane.of(events["location"].values.mean(axis=0), 40.0, 60.0)
+    apart = (events["location"].values - plane.point) @ plane.toward
+    within = float(np.median(np.abs(apart)))
+    place, size = planes._near(events, plane, within)
+    near = np.abs(apart) <= within
+    assert 0 < near.sum() < len(near)
+    assert (apart[near] > 0).any()
+    assert (apart[near] < 0).any()
+    np.testing.assert_allclose(size, np.log10(events["potency"].values[near]))
+    np.testing.assert_allclose(plane.places(place) + apart[near, None] * plane.toward, events["location"].values[near])
+
+
 def test_colours_are_those_of_the_particles(mine):
     """Failed rock in a horizontal plane is red where the particle of the cell has failed."""
     evidence = fixtures.evidence_of(**mine.arguments())
