@@ -49,24 +49,28 @@ def export_step(settings: dict, grid: Path, state: Path, folder: Path) -> None:
     logging.info("%s: failed rock in %d triangles", step, len(triangles))
 
 
-def export_catalogues(settings: dict, catalogues: dict[str, Path], folder: Path) -> None:
+def export_catalogues(
+    settings: dict, catalogues: dict[str, Path], folder: Path, parameters: Path | None = None
+) -> None:
     """Write events as points and as a table: .dxf, .omf and .csv of each catalogue, by the name of its files.
 
-    settings: `mine` and `frame`.
+    settings: `mine` and `frame`; parameters: source parameters of the modelled events, if there are any.
     """
     own = OwnCoordinates.of(settings["frame"])
     for name, path in catalogues.items():
         events = read_events(path)
         points = own.points(events["location"].values)
         write_points(points, layers_of(events, name), own.unit, folder / f"{name}.dxf")
-        table = event_table(events, own)
+        is_modelled = events.attrs["kind"] == "synthetic"
+        known = read_dataset(parameters) if is_modelled and parameters is not None else None
+        table = event_table(events, own, known)
         data = {
             "log10 potency (m3)": log_potency(events["potency"].values),
             "moment magnitude": events["mw"].values,
             "step": events["step"].values.astype(str),
             "date and time (UTC)": np.asarray(table["date and time [UTC]"]),
         }
-        if events.attrs["kind"] == "synthetic":
+        if is_modelled:
             data["resolved"] = events["resolved"].values
         named = ("event", "nearest opening", "distance to nearest opening [m]")
         data |= {column.replace("[m]", "(m)"): np.asarray(table[column]) for column in named if column in table}

@@ -8,8 +8,9 @@ import pandas as pd
 import xarray as xr
 
 from catalogs.sources.sizes import log_potency
+from catalogs.sources.source_parameters import FIELDS
 from common.datasets import atomic_path
-from common.event_table import EVENT_ID, NEAREST_OPENING, OPENING_DISTANCE
+from common.event_table import EVENT_ID, NEAREST_OPENING, OPENING_DISTANCE, STATED
 from common.voigt import COMPONENTS, NAMES, voigt_from_tensor
 from export.failed_rock import is_failed
 from export.own_coordinates import OwnCoordinates
@@ -56,11 +57,11 @@ def equivalent_shear(strain: np.ndarray) -> np.ndarray:
     return np.sqrt(2.0 * square)
 
 
-def event_table(events: xr.Dataset, own: OwnCoordinates) -> dict:
+def event_table(events: xr.Dataset, own: OwnCoordinates, parameters: xr.Dataset | None = None) -> dict:
     """Columns of a catalogue, a row for each event: place, time (UTC), sizes, axes and potency tensor.
 
-    Components are along the axes of the mine's grid; axes are unit vectors along those, too. Cells of unknown values
-    are empty.
+    parameters: source parameters of the events, if there are any; else those that a record states. Components are along
+    the axes of the mine's grid; axes are unit vectors along those, too. Cells of unknown values are empty.
     """
     table: dict = coordinates(events["location"].values, own)
     times = pd.DatetimeIndex(events["time"].values)
@@ -78,6 +79,10 @@ def event_table(events: xr.Dataset, own: OwnCoordinates) -> dict:
     table["moment [N m]"] = events["moment"].values
     table["moment magnitude [1]"] = events["mw"].values
     table["source size [m]"] = events["source_size"].values
+    stated = events if parameters is None else parameters
+    for field in (*FIELDS, *(STATED if parameters is None else ())):
+        if field.name in stated:
+            table[f"{field.name.replace('_', ' ')} [{field.unit}]"] = stated[field.name].values
     for axis in "pbt":
         vectors = own.vectors(events[f"{axis}_axis"].values)
         table |= {f"{axis.upper()} axis {name} [1]": vectors[:, column] for column, name in enumerate("xyz")}

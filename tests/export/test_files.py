@@ -11,7 +11,8 @@ import pytest
 from mechanics.scenes import ball, excavation, grid_around, make_dataset, make_scene
 
 from catalogs.records import read_record
-from common.event_table import new_catalog, write_events
+from catalogs.sources.source_parameters import parameters
+from common.event_table import SOURCE_RADIUS, new_catalog, write_events
 from common.mine_grid import GridMap
 from common.voigt import tensor_from_voigt
 from export.drawing import write_faces, write_points
@@ -259,6 +260,27 @@ def test_files_of_events(tmp_path, frame):
     )  # fmt: skip
     np.testing.assert_allclose(read["location"].values, catalog["location"].values, rtol=0, atol=2e-4)
     np.testing.assert_array_equal(read["time"].values, catalog["time"].values)
+
+
+def test_source_parameters_are_columns_of_the_table(tmp_path):
+    """Of modelled events those of the model, of recorded ones those that the record states."""
+    catalog = events(12)
+    catalog.attrs |= {"lame_lambda": 3e10, "shear_modulus": 3e10}
+    catalog["source_size"].values[:] = 10.0
+    write_events(catalog, tmp_path / "catalog.nc")
+    found = parameters(catalog, 1e6 * catalog["potency"].values, 3, None)
+    found.to_netcdf(tmp_path / "parameters.nc")
+    record = events(5, "recorded")
+    record["source_radius"] = ("event", np.arange(5.0), SOURCE_RADIUS.attributes)
+    write_events(record, tmp_path / "record.nc")
+    files = {"events": tmp_path / "catalog.nc", "recorded_events": tmp_path / "record.nc"}
+    export_catalogues({"mine": "test", "frame": {"surface": 0.0}}, files, tmp_path, tmp_path / "parameters.nc")
+    table = pd.read_csv(tmp_path / "events.csv")
+    np.testing.assert_allclose(table["apparent stress [Pa]"], 1e6)
+    np.testing.assert_allclose(table["source radius [m]"], found["source_radius"])
+    recorded = pd.read_csv(tmp_path / "recorded_events.csv")
+    np.testing.assert_allclose(recorded["source radius [m]"], np.arange(5.0))
+    assert "drop energy [J]" not in recorded
 
 
 def test_events_are_on_layers_of_their_steps():

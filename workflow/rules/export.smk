@@ -40,6 +40,7 @@ rule export:
             "export",
             catalog=FILES.own("catalog.nc") if FILES.has_catalog else [],
             record=FILES.if_recorded("record.nc"),
+            source_parameters=FILES.own("source_parameters.nc") if FILES.has_catalog else [],
             steps=[f"{EXPORT_RESULTS}/steps/{step}/failed_rock.omf" for step in MINE.mined_steps],
         ),
     output:

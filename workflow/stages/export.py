@@ -38,6 +38,6 @@ def export(job: Job) -> None:
     contents = job.output("contents.csv")
     names = {"events": "catalog", "recorded_events": "record"}
     catalogues = {name: job.input(key) for name, key in names.items() if job.input_if_any(key)}
-    export_catalogues(job.settings, catalogues, contents.parent)
+    export_catalogues(job.settings, catalogues, contents.parent, job.input_if_any("source_parameters"))
     folders = [path.parent for path in job.paths("steps")]
     write_contents(job.settings, dict(zip(job.settings["steps"], folders, strict=True)), contents)
