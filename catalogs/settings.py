@@ -21,7 +21,7 @@ from common.setting_types import (
     refusal,
     short,
     whole_number,
-)  # fmt: skip
+)
 
 ALL_STEPS = "all"  # Name, in addition to those of the steps, of all dated steps together.
 
