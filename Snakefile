@@ -6,6 +6,7 @@ snakemake --cores all quote                                        what it takes
 snakemake --cores all calibrate                                    the demo's rock, calibrated to its record
 snakemake --cores all baselines                                    events from elastic stress alone, beside its record
 snakemake --cores all plans                                        its mining plans side by side
+snakemake --cores all export                                       its results for other programs
 snakemake --cores all verification                                 every scene that has a known answer
 snakemake --cores all benchmarks                                   speed, beside other codes
 snakemake --cores all extremes                                     random scenes at the extremes

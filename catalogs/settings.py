@@ -7,7 +7,21 @@ from pydantic import Field, model_validator
 from catalogs.records.times import parse_time
 from common.errors import InputError
 from common.mine_grid import MineGrid
-from common.setting_types import AsTuple, Date, Length, Settings, choose, is_list, refusal, short, whole_number
+from common.setting_types import (
+    AsTuple,
+    Date,
+    Length,
+    Name,
+    Point,
+    Settings,
+    Size,
+    Unit,
+    choose,
+    is_list,
+    refusal,
+    short,
+    whole_number,
+)
 
 ALL_STEPS = "all"  # Name, in addition to those of the steps, of all dated steps together.
 
@@ -103,6 +117,50 @@ class ComparisonSettings(Settings):
     """Seed of the random generator."""
 
 
+class SectionPlane(Settings):
+    """A plane through the mine that the report shows: by point, strike and dip, or upright along an excavation."""
+
+    name: Name
+    """Name of the section in the report."""
+    point: Annotated[Point, Field(min_length=3)] = None
+    """A point of the plane: x, y and z of the mine file. Distances in the section count from it."""
+    strike: Annotated[float, Unit("deg", ge=-360, le=360)] = None
+    """Direction of the plane's horizontal line, clockwise from the map's north. The plane dips to the right of it."""
+    dip: Annotated[float, Unit("deg", ge=0, le=90)] = None
+    """Angle between the plane and the horizontal: 90 deg is upright."""
+    excavation: str = None
+    """Name of an excavation, in place of point, strike and dip: the plane is upright, through its middle, along the
+    direction in plan in which it is longest."""
+    within: Size = None
+    """Largest distance from the plane of the events that are drawn. Default: five of the finest cells."""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        keys = ("point", "strike", "dip")
+        given = [key for key in keys if getattr(self, key) is not None]
+        if self.excavation is not None and given:
+            raise refusal("stands beside excavation, which gives the plane; leave one of the two out", given[0])
+        if self.excavation is None and len(given) < len(keys):
+            missing = next(key for key in keys if key not in given)
+            raise refusal("missing key: give point, strike and dip, or excavation", missing)
+        return self
+
+
+class ReportSettings(Settings):
+    """What the report shows beyond what it always has."""
+
+    sections: Annotated[tuple[SectionPlane, ...], AsTuple] = ()
+    """Planes that the report shows with failed rock, strength factor and the events near them."""
+
+    @model_validator(mode="after")
+    def _named(self) -> Self:
+        names = [section.name.lower() for section in self.sections]
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                raise refusal("stands twice; sections need names of their own", "sections", number, "name")
+        return self
+
+
 class DatedStep(Settings):
     """A step whose events are in the catalogue: ISO dates, UTC, start <= time < end."""
 
@@ -170,6 +228,8 @@ class ReportSlice(Settings):
     """grid of the mine's own coordinates, if it is not the map"""
     grid_text: str = ""
     """how that grid lies on the map, in words"""
+    sections: Annotated[tuple[SectionPlane, ...], AsTuple] = ()
+    """planes that are shown, on the map"""
 
 
 class GridConvergenceSettings(Settings):

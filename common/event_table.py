@@ -70,7 +70,17 @@ ON_PLANES = _field(
 LOCATION_UNCERTAINTY = _field(
     "location_uncertainty", "event", "f8", "m", "root mean square location error of the event, where a record states it"
 )
-OPTIONAL_FIELDS = (ON_PLANES, LOCATION_UNCERTAINTY)
+EVENT_ID = _field("event_id", "event", TEXT, "", "name of the event: its step, and its rank among the step's events")
+NEAREST_OPENING = _field(
+    "nearest_opening", "event", TEXT, "", "name of the nearest excavation that is mined in the event's step or before"
+)
+OPENING_DISTANCE = _field("opening_distance", "event", "f8", "m", "distance to the cells of that excavation, 0 inside")
+LABELS = (EVENT_ID, NEAREST_OPENING, OPENING_DISTANCE)
+RADIATED_ENERGY = _field("radiated_energy", "event", "f8", "J", "radiated energy, where a record states it")
+SOURCE_RADIUS = _field("source_radius", "event", "f8", "m", "source radius, where a record states it")
+STATIC_STRESS_DROP = _field("static_stress_drop", "event", "f8", "Pa", "static stress drop, where a record states it")
+STATED = (RADIATED_ENERGY, SOURCE_RADIUS, STATIC_STRESS_DROP)  # By the networks of some records.
+OPTIONAL_FIELDS = (ON_PLANES, LOCATION_UNCERTAINTY, *LABELS, *STATED)
 
 
 def event_dataset(values: Mapping[str, NDArray], attributes: Mapping) -> xr.Dataset:
@@ -119,6 +129,8 @@ def check_events(dataset: xr.Dataset, source: str) -> xr.Dataset:
     for field in OPTIONAL_FIELDS:
         if field.name in dataset:
             field.check(dataset, source)
+            if field.dtype == TEXT:
+                dataset[field.name] = dataset[field.name].astype(TEXT)
     for dim, size in DIMENSION_SIZES.items():
         if dataset.sizes[dim] != size:
             raise InputError(f"{source}: dimension {dim} has length {dataset.sizes[dim]}, not {size}; {FILE_REMEDY}")

@@ -24,6 +24,7 @@ from workflow.mine import Mine
 from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody, Step
 from workflow.observation_checks import check_observations
 from workflow.record_checks import check_filter, check_frame, check_record
+from workflow.report_checks import check_sections
 from workflow.shapes import check_form, check_place, check_repeated
 from workflow.virgin_rock import check_virgin_stress
 
@@ -95,6 +96,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_face, "face", "plane", "steps")
     check(check_baselines, "baselines", "steps", *cells)
     check(check_observations, "observations", "excavations", "steps", *cells)
+    check(check_sections, "report", "excavations", *cells)
     check(check_repeated, "excavations", "steps")
     check(check_plans, "plans", "excavations", "steps")
     check(check_forecasts, "forecasts", "record", "steps")

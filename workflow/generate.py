@@ -113,6 +113,12 @@ DEMO, ELK_CREEK, RENISON, YEAR = (
     f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale", "stoping_year")
 )
 # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
+PLANES = """\
+report:
+  sections:
+    - {name: fault, point: [90 m, 100 m, 1000 m], strike: 35 deg, dip: 60 deg}
+    - {name: along_stope, excavation: stope_1, within: 15 m}
+"""
 TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Place, domain and cells": (
         ("frame", "domain", "grid", "accuracy"),
@@ -136,6 +142,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Mining plans": (("plans", "hazard"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "The recorded catalogue": (("record", "comparison", "face"), ((DEMO, "record"), FACE)),
+    "The report": (("report",), (PLANES,)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),
     "Openings and instruments": (("openings", "observations"), (CHAINAGE, INSTRUMENTS)),
     "Baselines": (("baselines",), (FLAWS,)),

@@ -10,7 +10,7 @@ import numpy as np
 
 from catalogs.records.filters import MAX_COORDINATE
 from catalogs.records.settings import RecordSettings
-from catalogs.settings import FaceSettings
+from catalogs.settings import FaceSettings, ReportSettings
 from common.errors import InputError, InputErrors, Mistakes
 from common.frame import Frame
 from common.mine_grid import EAST_NORTH, GridMap, MineGrid, fit
@@ -63,6 +63,7 @@ def on_map(settings: MineSettings) -> OnMap:
         "loads": tuple(_load(load, grid) for load in settings.loads),
         "face": settings.face and _face(settings.face, grid),
         "observations": settings.observations and _observations(settings.observations, grid),
+        "report": _report(settings.report, grid),
     }
     with mistakes.gather():
         found["domain"] = _domain(settings.domain, grid)
@@ -153,6 +154,15 @@ def _check_in_area(frame: Frame, points: np.ndarray) -> None:
             f"{longitude[worst]:.1f}, outside the area of {frame.crs[:40]}; give coordinates of that system, along its "
             "axes"
         )
+
+
+def _report(report: ReportSettings, grid: GridMap) -> ReportSettings:
+    """The planes of a report with their points on the map; strikes count from the map's north already."""
+    sections = tuple(
+        one if one.point is None else one.model_copy(update={"point": tuple(grid.to_map(one.point).tolist())})
+        for one in report.sections
+    )
+    return report.model_copy(update={"sections": sections})
 
 
 def _shape_of(solid: ShapeSettings) -> Shape | None:

@@ -334,6 +334,7 @@ class Mine(MineConfiguration):
             "excavations": self.schedule(),
             "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
             **({"mine_grid": grid.given(), "grid_text": self.grid_text} if grid else {}),
+            **({"sections": [one.given() for one in sections]} if (sections := self.settings.report.sections) else {}),
         }
 
     def slice_of(self, result: str) -> dict:

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from baselines.settings import BaselineSettings
 from calibration.settings import CalibrationSettings
 from catalogs.records import AnyRecord
-from catalogs.settings import ComparisonSettings, FaceSettings
+from catalogs.settings import ComparisonSettings, FaceSettings, ReportSettings
 from common.frame import Frame
 from common.setting_types import (
     AsTuple,
@@ -346,6 +346,8 @@ class MineSettings(Settings):
     """The dated face of a longwall or a tunnel. Events of model and record are then also compared by their place
     relative to it, and recorded months are moved with it as a baseline."""
     comparison: ComparisonSettings = ComparisonSettings()
+    report: ReportSettings = ReportSettings()
+    """Planes through the mine that the report shows."""
     record: AnyRecord = None
     """The recorded catalogue: its file, and the meaning of its contents."""
     calibration: CalibrationSettings = None

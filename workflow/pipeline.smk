@@ -14,6 +14,7 @@ include: "rules/requests.smk"
 include: "rules/calibration.smk"
 include: "rules/baselines.smk"
 include: "rules/plans.smk"
+include: "rules/export.smk"
 include: "../verification/Snakefile"
 
 

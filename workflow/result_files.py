@@ -67,6 +67,7 @@ class ResultFiles:
             "catalog.nc": self.has_catalog,
             "catalog.csv": self.has_catalog,
             "event_rules.nc": self.has_catalog,
+            "source_parameters.nc": self.has_catalog,
             "catalog.xml": self.has_quakeml,
             "record.nc": self.has_record,
             "openings.csv": bool(self.mine.mined_steps),

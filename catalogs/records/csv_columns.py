@@ -20,7 +20,7 @@ TENSOR_KINDS = ("potency", "moment")
 MAGNITUDE, MAGNITUDE_TYPE = "magnitude", "magnitude_type"
 LINEAR_SIZES = ("potency", "moment", "energy")  # a column may also hold their logarithm: log_potency ...
 UNITS = {**dict.fromkeys((*MINE_COORDINATES, "depth"), "m"), "potency": "m^3", "moment": "N m", "energy": "J"}
-UNITS["time_uncertainty"] = "s"
+UNITS |= {"time_uncertainty": "s", "source_radius": "m", "static_stress_drop": "Pa"}
 UNITS |= {f"{kind}_{name}": UNITS[kind] for kind in TENSOR_KINDS for name in COMPONENTS}
 UNITS |= {f"log_{kind}": UNITS[kind] for kind in LINEAR_SIZES}
 LOGARITHM_NAME = re.compile(r"(log|lg|ln)(_?10)?([\W_]|[MPE]0?\b|10\b)", re.IGNORECASE)  # start of a column's name
@@ -69,9 +69,14 @@ class ColumnSettings(Settings):
     mw: str = None
     """Column of the moment magnitude."""
     energy: str = None
-    """Column of the radiated energy (J). record.energy_conversion converts it."""
+    """Column of the radiated energy (J). The report has apparent stress and energy index from it. Without another size
+    record.energy_conversion converts it to a moment."""
     log_energy: str = None
     """Column of the logarithm to base 10 of the energy."""
+    source_radius: str = None
+    """Column of the source radius (m), for the report."""
+    static_stress_drop: str = None
+    """Column of the static stress drop (Pa), for the report."""
     magnitude: str = None
     """Column of magnitudes of any type. record.conversions converts them."""
     magnitude_type: str = None

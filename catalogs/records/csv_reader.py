@@ -39,6 +39,7 @@ from catalogs.records.filters import filter_events
 from catalogs.records.settings import EventFileSettings, EventFileSlice
 from catalogs.records.times import check_zone
 from common.errors import InputError
+from common.event_table import RADIATED_ENERGY, SOURCE_RADIUS, STATIC_STRESS_DROP
 from common.frame import grid_of
 from common.setting_types import AsTuple, Settings, real_number, refusal, short
 from common.source_tensors import potency_from_moment
@@ -91,7 +92,8 @@ class Record(EventFileSettings):
     Default: UTC. Required if the name of a column of time says local, or states an offset. An hour that occurs twice,
     at the end of summer time, is read as the later one."""
     energy_conversion: EnergyConversion = None
-    """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. There is no default."""
+    """Conversion of radiated energy: log10 moment (N m) = slope log10 energy (J) + offset. There is no default. Needed
+    where energies are the only sizes."""
     encoding: str = None
     """Encoding of a file that is not in UTF-8 or UTF-16: gbk, shift_jis, cp1252. It is needed only if names of columns
     or texts depend on it."""
@@ -136,7 +138,8 @@ class Record(EventFileSettings):
                     "columns",
                     kind,
                 )
-        if named & {"energy", "log_energy"} and not self.energy_conversion:
+        sizes = {*SIZE_NAMES, "log_moment", MAGNITUDE}
+        if named & {"energy", "log_energy"} and not self.energy_conversion and not named & sizes:
             raise refusal(
                 "missing; an energy is no moment: say {slope: ..., offset: ...} for log10 moment (N m) = slope log10 "
                 "energy (J) + offset",
@@ -230,6 +233,11 @@ def read(settings: RecordSlice) -> xr.Dataset:
     if "step" in columns:
         other["step"] = table.words(columns["step"]).to_numpy(object)
     record = build_record(settings, time, place, sizes, tensor, source=str(path), **other)
+    stated = {"energy": RADIATED_ENERGY, "source_radius": SOURCE_RADIUS, "static_stress_drop": STATIC_STRESS_DROP}
+    for key, field in stated.items():
+        if key in numbers:
+            values = np.where(numbers[key] > 0, numbers[key], np.nan)  # 0: what was never computed
+            record[field.name] = (field.dims, values, field.attributes)
     record.attrs |= {"sizes_text": sizes_said} if sizes_said else {}
     record.attrs |= {"times_text": times_said} if times_said else {}
     has_words = limits and (limits.only or limits.without)
@@ -313,7 +321,7 @@ def _sizes(
         mw, used = moment_magnitudes(numbers[source], list(kinds), conversions, needed, table.source)
         sizes["mw"] = _first(mw, sizes.get("mw")) if source == MAGNITUDE else mw
         text = sizes_text(used, conversions)
-    if "energy" in numbers:
+    if "energy" in numbers and settings.energy_conversion:
         needed = ~tensors & np.all([np.isnan(values) for values in sizes.values()] or [True], axis=0)
         slope, offset = settings.energy_conversion.slope, settings.energy_conversion.offset
         with np.errstate(over="ignore"):

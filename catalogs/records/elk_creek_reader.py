@@ -25,7 +25,7 @@ from catalogs.records.filters import distance_beyond, domain_box, filter_events,
 from catalogs.records.settings import Box, DomainBox, LocationError
 from catalogs.records.times import check_offset, parse_time
 from common.errors import InputError
-from common.event_table import new_catalog
+from common.event_table import RADIATED_ENERGY, SOURCE_RADIUS, STATIC_STRESS_DROP, new_catalog
 from common.setting_types import Instant, Settings, Size, Unit, refusal
 from common.source_tensors import moment_magnitude
 
@@ -46,6 +46,11 @@ CAVEATS = (
 COORDINATES = ["Location X", "Location Y", "Location Z"]
 DATE = "Date"
 IMS_COLUMNS = [DATE, *COORDINATES, "Moment Total"]
+STATED_COLUMNS = {  # Of the IMS files; in J, m and Pa.
+    "Energy Total": RADIATED_ENERGY,
+    "Source Radius": SOURCE_RADIUS,
+    "Static Stress Drop": STATIC_STRESS_DROP,
+}
 TENSOR_COLUMNS = {
     (0, 0): "Moment Tensor XxXyXz X",
     (0, 1): "Moment Tensor XxXyXz Y",
@@ -164,6 +169,10 @@ def read(settings: RecordSlice) -> xr.Dataset:
         moment=moment,
         mw=moment_magnitude(moment),
     )
+    for column, field in STATED_COLUMNS.items():
+        if column in frame:
+            values = _numbers(frame[column], folder).to_numpy(float)
+            events[field.name] = (field.dims, np.where(values > 0, values, np.nan), field.attributes)
     numbers = {name: frame[name].to_numpy() for name in frame.select_dtypes("number")}
     texts = frame.drop(columns="time").select_dtypes(["object", "string"])
     words = {name: texts[name].fillna("").astype(str).to_numpy(object) for name in texts}

@@ -17,7 +17,7 @@ from obspy.core.event import Catalog, Event, FocalMechanism, Magnitude, Origin
 
 from catalogs.sources.quakeml import ATTRIBUTES, NAMESPACE, PREFIX, UP_SOUTH_EAST, sigmas
 from common.errors import InputError
-from common.event_table import FIELDS, new_catalog
+from common.event_table import FIELDS, LABELS, new_catalog
 from common.fields import TEXT, Field
 
 # Parts of an event whose evaluation comes first count before others where none is preferred.
@@ -54,7 +54,10 @@ def own_catalog(events: Catalog) -> xr.Dataset | None:
         raise InputError(f"{PREFIX}:{ATTRIBUTES}: not JSON ({error}); write the file again") from error
     if not isinstance(attributes, dict):
         raise InputError(f"{PREFIX}:{ATTRIBUTES}: not a mapping; write the file again")
-    return new_catalog(len(events), attributes, **{field.name: _values(events, field) for field in FIELDS})
+    catalog = new_catalog(len(events), attributes, **{field.name: _values(events, field) for field in FIELDS})
+    has_labels = bool(events) and all(field.name in getattr(events[0], "extra", {}) for field in LABELS)
+    labels = {field: _values(events, field) for field in LABELS if has_labels}
+    return catalog.assign({field.name: (field.dims, column, field.attributes) for field, column in labels.items()})
 
 
 def _values(events: Catalog, field: Field) -> np.ndarray:

@@ -13,7 +13,7 @@ import xarray as xr
 
 from catalogs.compare.bands import GridPreference, bands_of
 from catalogs.report.text import whole
-from catalogs.settings import InsituStress, ReportSlice, Scheduled
+from catalogs.settings import InsituStress, ReportSlice, Scheduled, SectionPlane
 from catalogs.sources.openings import FILL, NEVER, ROCK, Mining
 from common.cell_sizes import CELLS_ACROSS_FILL
 from common.datasets import read_dataset
@@ -39,6 +39,7 @@ DATASETS = (
     "forecast_scores",
     "openings",
     "observations",
+    "source_parameters",
 )
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -92,10 +93,10 @@ class Evidence:
     what each excavation mines, by the places of `steps`; stages: elastic, then the steps in order, each with its
     convergence table and attributes only, among them the dates of a step from its file of events; state:
     STATE_VARIABLES of the last stage;
-    catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations: the
-    datasets of these names, None where there is none; files: {path: attributes} of all read; logs: folder of the
-    stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own coordinates, if that is not
-    the map, and in words.
+    catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations,
+    source_parameters: the datasets of these names, None where there is none; files: {path: attributes} of all read;
+    logs: folder of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own
+    coordinates, if it is not the map, and in words; sections: planes that the mine file chooses.
     """
 
     config: dict
@@ -114,11 +115,13 @@ class Evidence:
     forecast_scores: xr.Dataset | None
     openings: xr.Dataset | None
     observations: xr.Dataset | None
+    source_parameters: xr.Dataset | None
     files: dict[str, dict]
     logs: Path | None
     insitu: InsituStress | None
     mine_grid: GridMap | None = None
     grid_text: str = ""
+    sections: tuple[SectionPlane, ...] = ()
 
     @property
     def steps(self) -> list[dict]:
@@ -213,6 +216,7 @@ def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | o
         insitu=settings.insitu,
         mine_grid=settings.mine_grid.map() if settings.mine_grid else None,
         grid_text=settings.grid_text,
+        sections=settings.sections,
     )
 
 

@@ -26,7 +26,19 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri
 MODULES = {"first": first_page} | {
     name: importlib.import_module(f"{sections.__name__}.{name}") for name in sections.SECTIONS
 }
-SLOWEST_FIRST = ("axes", "events", "rock", "convergence", "scene", "balls", "view", "sizes", "spread", "first")
+SLOWEST_FIRST = (
+    "parameters",
+    "axes",
+    "events",
+    "rock",
+    "convergence",
+    "scene",
+    "balls",
+    "view",
+    "sizes",
+    "spread",
+    "first",
+)
 
 
 def write_report(

@@ -6,10 +6,10 @@ What any reader understands: origin time with how much earlier and later it may 
 sea level, = -z), moment magnitude, the moment tensor in N m, Up-South-East (rr = zz, tt = yy, pp = xx, rt = -yz,
 rp = xz, tp = -xy), with its own shares, sizes from 0 to 1 as QuakeML has them, and, where the event has P and T axes,
 principal axes and nodal planes of that tensor. In addition, in the namespace NAMESPACE and bit for bit, stand every
-variable of common.event_table per event, among them the signed shares of the potency tensor, and the attributes once
-(JSON). Unresolved events are left out: QuakeML has no mark for them that other programs read, and these would count
-them. An event's identifier ends in its row of the catalogue and of catalog.csv. A synthetic event says so in its
-description and its creationInfo.
+variable of common.event_table per event, among them the signed shares of the potency tensor and the labels of synthetic
+events, and the attributes once (JSON). Unresolved events are left out: QuakeML has no mark for them that other programs
+read, and these would count them. An event's identifier ends in its own name (`event_id`), or in a catalogue without
+names in its row there. A synthetic event says so in its description and its creationInfo.
 ObsPy makes random resource identifiers and stamps the time by default: here every one is given.
 """
 
@@ -48,7 +48,7 @@ from catalogs.sources.geographic_frame import MineFrame
 from catalogs.sources.mechanisms import nodal_planes, trend_plunge
 from common.datasets import atomic_path
 from common.errors import InputError
-from common.event_table import FIELDS, check_events
+from common.event_table import EVENT_ID, FIELDS, LABELS, check_events
 from common.source_tensors import principal_axes, source_shares
 
 NAMESPACE = "urn:mine-seismicity:catalogue:1"
@@ -121,13 +121,15 @@ def _obspy_catalog(catalog: xr.Dataset, rows: np.ndarray, resolved: int) -> Cata
     base = f"smi:local/{_word(catalog.attrs['mine'])}/{kind}"
     says = SAYS[kind].format(mine=catalog.attrs["mine"])
     made = CreationInfo(agency_id=kind, author=AUTHOR if says else None)
-    values = {field.name: catalog[field.name].values for field in FIELDS}  # once: xarray takes long over each
+    known = [*FIELDS, *(field for field in LABELS if field.name in catalog)]
+    values = {field.name: catalog[field.name].values for field in known}  # once: xarray takes long over each
+    own_names = values.get(EVENT_ID.name, [f"{row + 1:06d}" for row in rows])
     mechanisms = _mechanisms(values)
     texts = {name: _texts(column) for name, column in values.items()}
     location_error = float(catalog.attrs.get("location_error", np.nan))
     events = []
-    for index, row in enumerate(rows):
-        name = f"{base}/event/{row + 1:06d}"
+    for index in range(len(rows)):
+        name = f"{base}/event/{_word(own_names[index])}"
         event = Event(resource_id=ResourceIdentifier(name), event_type=QUAKEML_EVENT_TYPE, creation_info=made)
         event.event_descriptions = [EventDescription(text=says)] if says else []
         origin = _origin(f"{name}/origin", values, index, globe[index], location_error)

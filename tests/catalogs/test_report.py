@@ -20,8 +20,9 @@ pytestmark = pytest.mark.usefixtures("without_drawing")
 
 
 SECTIONS = (
-    "first", "warnings", "record", "scene", "view", "rock", "openings", "observations", "steps", "events", "sizes",
-    "axes", "balls", "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget", "resources", "config",
+    "first", "warnings", "record", "scene", "view", "rock", "planes", "openings", "observations", "steps", "events",
+    "sizes", "axes", "balls", "parameters", "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget",
+    "resources", "config",
 )  # fmt: skip
 
 

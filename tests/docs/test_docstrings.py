@@ -8,7 +8,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
-PACKAGES = ("baselines", "catalogs", "common", "mpm_core", "plans", "seismic", "workflow")
+PACKAGES = ("baselines", "catalogs", "common", "export", "mpm_core", "plans", "seismic", "workflow")
 MODULES = [
     ".".join(path.relative_to(ROOT).with_suffix("").parts)
     for package in PACKAGES

@@ -25,7 +25,15 @@ Pins = dict[str, dict]
 
 PINNED = (
     *("grid.nc", "elastic.nc", "steps/*.nc", "events/*.nc", "catalog.nc", "catalog.csv", "catalog.xml"),
-    *("record.nc", "event_rules.nc", "comparison.nc", "spread.nc", "grid_convergence.nc", "forecast_scores.nc"),
+    *(
+        "record.nc",
+        "event_rules.nc",
+        "source_parameters.nc",
+        "comparison.nc",
+        "spread.nc",
+        "grid_convergence.nc",
+        "forecast_scores.nc",
+    ),
     *("report.html", "baselines/*.nc", "baselines/*.csv", "plans/*/outcome.nc", "plans/plans.csv"),
     *("calibration/trials.csv", "calibration/middle.yaml", "calibration/draw_*.yaml", "calibration/*/*.nc"),
 )

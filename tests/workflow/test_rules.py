@@ -73,7 +73,16 @@ def test_a_plan_names_every_result(files, accept):
     made = files.all()
     runs = ("", "ensemble/1/", "ensemble/2/")
     steps = [f"{run}{result}" for run in runs for result in ("steps/history.nc", "steps/2019-08.nc", "events")]
-    others = ["catalog.nc", "catalog.csv", "catalog.xml", "event_rules.nc", "record.nc", "comparison.nc", "spread.nc"]
+    others = [
+        "catalog.nc",
+        "catalog.csv",
+        "catalog.xml",
+        "event_rules.nc",
+        "source_parameters.nc",
+        "record.nc",
+        "comparison.nc",
+        "spread.nc",
+    ]
     expected = ["grid.nc", "elastic.nc", *steps, *others, "grid_convergence.nc", "report.html", "figures"]
     assert sorted(made) == sorted(f"results/tiny/{name}" for name in expected)
     still = ResultFiles(Folders(accept(STILL)))

@@ -28,7 +28,7 @@ if FILES.has_record:
 rule events:
     """Seismic events of all steps: rock that fails together, touches and has like mechanisms; and their catalogue."""
     input:
-        **INPUTS.of("events", steps=FILES.states),
+        **INPUTS.of("events", steps=FILES.states, grid=FILES.grid),
     output:
         directory(f"{RESULTS}/events"),
         f"{RESULTS}/catalog.nc",
@@ -56,6 +56,7 @@ rule catalogue:
             labels={"result": "catalogue"},
         ),
         event_rules=f"{RESULTS}/event_rules.nc",
+        source_parameters=f"{RESULTS}/source_parameters.nc",
         quakeml=[f"{RESULTS}/catalog.xml"] if FILES.has_quakeml else [],
     log:
         f"{LOGS}/catalogue.log",

@@ -42,6 +42,7 @@ rule report:
             events=FILES.own("events") if MINE.mined_steps else [],
             catalog=FILES.own("catalog.nc") if FILES.has_catalog else [],
             event_rules=FILES.own("event_rules.nc") if FILES.has_catalog else [],
+            source_parameters=FILES.own("source_parameters.nc") if FILES.has_catalog else [],
             record=FILES.if_recorded("record.nc"),
             openings=FILES.own("openings.nc") if MINE.mined_steps else [],
             observations=FILES.own("observations.nc") if FILES.has_observations else [],

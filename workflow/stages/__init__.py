@@ -21,7 +21,10 @@ if TYPE_CHECKING:
     from workflow.mine import Mine  # which a job does not need
 
 ROOT = Path(__file__).resolve().parents[2]
-MODULES = ("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans", "response")
+MODULES = (
+    *("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans"),
+    *("response", "export"),
+)
 IMPORTS = {  # packages that the code of a package uses
     "common": (),
     "mpm_core": ("common",),
@@ -31,6 +34,7 @@ IMPORTS = {  # packages that the code of a package uses
     "baselines": ("catalogs", "common", "mpm_core"),
     "plans": ("catalogs", "common"),
     "response": ("catalogs", "common", "mpm_core"),
+    "export": ("catalogs", "common", "mpm_core"),
 }
 
 SettingsOf = Callable[["Mine", Mapping[str, str]], dict]
@@ -68,8 +72,8 @@ def stage(
 ) -> Callable[[Callable[[Job], None]], Callable[[Job], None]]:
     """Declare a function as the stage of its name.
 
-    packages: those whose code it runs. settings: of a stage whose rule gives none of its own. modules: of `workflow`
-    that it runs besides its own, by their full names.
+    packages: those whose code it runs. settings: of a stage whose rule gives none of its own. modules: that
+    it runs besides these and its own, by their full names: of `workflow`, or single ones of other packages.
     """
 
     def declare(run: Callable[[Job], None]) -> Callable[[Job], None]:

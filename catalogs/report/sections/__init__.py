@@ -11,6 +11,7 @@ TOPICS = {  # in the page's order: topic, and its sections by id in the page wit
         "scene": "Scene and grid",
         "view": "View",
         "rock": "Failed rock",
+        "planes": "Chosen sections",
         "openings": "Openings",
         "observations": "Instruments",
     },
@@ -20,6 +21,7 @@ TOPICS = {  # in the page's order: topic, and its sections by id in the page wit
         "sizes": "Sizes",
         "axes": "Axes",
         "balls": "Largest events",
+        "parameters": "Source parameters",
     },
     "How sure": {
         "uncertainty": "Uncertainty",
