@@ -39,6 +39,7 @@ DATASETS = (
     "forecast_scores",
     "openings",
     "observations",
+    "shaking",
 )
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -92,10 +93,10 @@ class Evidence:
     what each excavation mines, by the places of `steps`; stages: elastic, then the steps in order, each with its
     convergence table and attributes only, among them the dates of a step from its file of events; state:
     STATE_VARIABLES of the last stage;
-    catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations: the
-    datasets of these names, None where there is none; files: {path: attributes} of all read; logs: folder of the
-    stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own coordinates, if that is not
-    the map, and in words.
+    catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations,
+    shaking: the datasets of these names, None where there is none; files: {path: attributes} of all read; logs: folder
+    of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own coordinates, if that
+    is not the map, and in words.
     """
 
     config: dict
@@ -114,6 +115,7 @@ class Evidence:
     forecast_scores: xr.Dataset | None
     openings: xr.Dataset | None
     observations: xr.Dataset | None
+    shaking: xr.Dataset | None
     files: dict[str, dict]
     logs: Path | None
     insitu: InsituStress | None

@@ -20,6 +20,7 @@ PACKAGES = (
     "calibration",
     "baselines",
     "plans",
+    "shaking",
     "workflow",
     "verification",
 )

@@ -21,7 +21,17 @@ if TYPE_CHECKING:
     from workflow.mine import Mine  # which a job does not need
 
 ROOT = Path(__file__).resolve().parents[2]
-MODULES = ("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans", "response")
+MODULES = (
+    "mechanics",
+    "catalogue",
+    "comparison",
+    "requests",
+    "calibration",
+    "baselines",
+    "plans",
+    "response",
+    "shaking",
+)
 IMPORTS = {  # packages that the code of a package uses
     "common": (),
     "mpm_core": ("common",),
@@ -31,6 +41,7 @@ IMPORTS = {  # packages that the code of a package uses
     "baselines": ("catalogs", "common", "mpm_core"),
     "plans": ("catalogs", "common"),
     "response": ("catalogs", "common", "mpm_core"),
+    "shaking": ("catalogs", "common"),
 }
 
 SettingsOf = Callable[["Mine", Mapping[str, str]], dict]
