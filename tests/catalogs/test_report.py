@@ -21,7 +21,8 @@ pytestmark = pytest.mark.usefixtures("without_drawing")
 
 SECTIONS = (
     "first", "warnings", "record", "scene", "view", "rock", "openings", "observations", "steps", "events", "sizes",
-    "axes", "balls", "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget", "resources", "config",
+    "axes", "balls", "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget", "shaking", "resources",
+    "config",
 )  # fmt: skip
 
 
