@@ -25,6 +25,7 @@ from plans.layout import ANY, PlanSummary, read_outcome
 from plans.overview import overview
 from plans.sentences import collapsed, interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
+from plans.shaking_rows import SHAKING_VARIABLES, shaking_rows
 from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows, write_table
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -35,14 +36,17 @@ SMALLEST, LARGEST = 3.0, 12.0  # Points: diameters of the smallest and largest e
 MAX_COLUMNS = 3
 
 
-def report_stage(given: Mapping, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path) -> None:
+def report_stage(
+    given: Mapping, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path, shaking: Sequence[Path] = ()
+) -> None:
     """Write the page of all plans (`output`) and the table.
 
     given: the stage's slice (PlansReportSlice); outcomes: outcome.nc of each plan, that which others are compared with
-    first.
+    first; shaking: shaking.nc of each plan, in the same order, or none.
     """
     plans = [read_outcome(path) for path in outcomes]
-    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table)
+    felt = [read_dataset(path, SHAKING_VARIABLES) for path in shaking]
+    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, felt)
 
 
 def write_report(
@@ -51,11 +55,12 @@ def write_report(
     settings: PlansReportSlice,
     page: Path,
     table: Path,
+    shaking: Sequence[xr.Dataset] = (),
 ) -> None:
     """Write the page, which needs nothing else, its figures in the same folder, and the table, atomically.
 
-    outcomes: of all plans (plans.layout), that which others are compared with first. Raises InputError for one of
-    another mine, or of other classes.
+    outcomes: of all plans (plans.layout), that which others are compared with first; shaking: of each of them
+    (shaking.layout), or none. Raises InputError for one of another mine, or of other classes.
     """
     every = [PlanSummary(one) for one in outcomes]
     for plan in every:
@@ -65,6 +70,7 @@ def write_report(
         if classes != (list(settings.hazard.sizes), list(settings.hazard.distances)):
             raise InputError(f"plans: {plan.name} was made with other classes of size or distance; run it again")
     plans = [plan for plan in every if not plan.collapsed]
+    felt = [one for one, plan in zip(shaking, every, strict=bool(shaking)) if not plan.collapsed]
     if not plans:
         raise InputError(
             f"plans: rock finds no equilibrium in any plan ({every[0].name}: in step {every[0].collapsed}), so there "
@@ -99,6 +105,7 @@ def write_report(
             exposed=exposed_rows(plans, hazard),
             likelihoods=sorted((hazard.likelihoods or {}).items(), key=lambda one: one[1]),
             forecasts=forecast_rows(plans),
+            shaking=shaking_rows(plans, felt),
             laws=law_texts(plans),
             ratios=sorted(ratios),
             members=[plan.members for plan in plans],

@@ -182,7 +182,7 @@ MEASURING = {  # By the name of the target.
 }
 BY_RULE_CASE = [target for target, measuring in MEASURING.items() if measuring.memory]
 # Packages that answers and cases measure.
-MODEL = ("common", "mpm_core", "seismic", "catalogs", "baselines", "calibration", "plans", "workflow")
+MODEL = ("common", "mpm_core", "seismic", "catalogs", "baselines", "calibration", "plans", "shaking", "workflow")
 SHARED = ("comparisons.py", "results.py", "rows.py", "scenes.py", "studies.py")  # Modules of verification.
 
 

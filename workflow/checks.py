@@ -25,6 +25,7 @@ from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSetting
 from workflow.observation_checks import check_observations
 from workflow.record_checks import check_filter, check_frame, check_record
 from workflow.report_checks import check_sections
+from workflow.shaking_checks import check_ground_motion
 from workflow.shapes import check_form, check_place, check_repeated
 from workflow.virgin_rock import check_virgin_stress
 
@@ -100,6 +101,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_repeated, "excavations", "steps")
     check(check_plans, "plans", "excavations", "steps")
     check(check_forecasts, "forecasts", "record", "steps")
+    check(check_ground_motion, "ground_motion", "support", "plane", "steps")
     check(_check_solver, "solver", "grid", "materials")
     check(_check_ensemble, "ensemble", "steps", "materials", "rock_bodies", "block_model", "solver", "accuracy")
     check(_check_compression, "insitu_stress", "domain", "frame", "plane")

@@ -109,6 +109,27 @@ block_model:  # how-to page block-models.md
   properties:
     youngs_modulus: {column: E_GPA, unit: GPa, values: [30, 45, 60]}
 """
+SHAKING = """\
+ground_motion:  # how-to page shaking.md
+  relation: {name: mcgarr_1981, scatter: 0.3}
+  chances: [0.5, 0.1, 0.02]
+  largest: 3 m/s
+  displacement: 200 mm
+  depth: {roof: 1 m, walls: 0.6 m}
+support:
+  - {name: mesh and rebar, energy: 5 kJ/m^2, displacement: 50 mm}
+  - {name: dynamic bolts, energy: 25 kJ/m^2, displacement: 200 mm}
+"""
+OWN_RELATION = """\
+ground_motion:
+  relation: {name: site, size: log_potency, a: 0.9, b: 0.4, c: 1.2, scatter: 0.3,
+             saturation: {length: 5 m, exponent: 0.333}, sizes: [-3, 2], distances: [20 m, 800 m]}
+"""
+FITTED_RELATION = """\
+ground_motion:
+  relation: {name: fitted, file: velocities.csv, size: mw, velocity_unit: mm/s, nearest: 20 m,
+             columns: {event: id, size: mw, velocity: ppv, distance: r}}
+"""
 DEMO, ELK_CREEK, RENISON, YEAR = (
     f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale", "stoping_year")
 )
@@ -141,6 +162,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
     "Mining plans": (("plans", "hazard"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
+    "Shaking and support": (("ground_motion", "support"), (SHAKING, OWN_RELATION, FITTED_RELATION)),
     "The recorded catalogue": (("record", "comparison", "face"), ((DEMO, "record"), FACE)),
     "The report": (("report",), (PLANES,)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),

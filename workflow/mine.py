@@ -282,6 +282,21 @@ class Mine(MineConfiguration):
             "openings": self.mined_openings(),
         }
 
+    def shaking_slice(self) -> dict:
+        """Settings that shaking.nc depends on, besides the events of the runs, the grid and the comparison."""
+        settings = self.settings
+        motion = settings.ground_motion.given()
+        if "file" in motion["relation"]:
+            motion["relation"]["file"] = self.path(motion["relation"]["file"]).as_posix()
+        return {
+            "mine": self.name,
+            "ground_motion": motion,
+            "support": [one.given() for one in settings.support],
+            "density": settings.materials["host"].density,
+            "steps": [step.given() for step in self.listed_steps if step.is_dated],
+            "openings": self.mined_openings(),
+        }
+
     def mined_openings(self) -> list[dict]:
         """Excavations that are mined, each with the dated steps that mine and fill it; empty: before the first of them;
         without `filled` where none does."""

@@ -42,6 +42,7 @@ from plans.settings import HazardSettings
 from response.observation_settings import ObservationSettings
 from response.settings import OpeningSettings
 from seismic.event_settings import SeismicSettings
+from shaking.settings import GroundMotionSettings, Support
 
 MINE_FILE_PLAN = "mine_file"  # name of the plan that the mine file itself is
 Strain = real_number(ge=-0.5, le=0.5)
@@ -365,6 +366,11 @@ class MineSettings(Settings):
     """Places at which the model is read, and what instruments measured there."""
     hazard: HazardSettings = HazardSettings()
     """Classes of sizes, distances and chances that the plans are judged by."""
+    ground_motion: GroundMotionSettings = None
+    """Peak ground velocity at openings. With it the run makes `shaking.csv`, and a section of the report."""
+    support: Support = ()
+    """Classes of support with the capacities that you state. The report names the weakest one that carries the demand
+    of ground_motion."""
 
     @model_validator(mode="after")
     def _host(self) -> Self:

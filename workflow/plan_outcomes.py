@@ -12,6 +12,7 @@ from workflow.mine_settings import MINE_FILE_PLAN
 from workflow.result_files import ResultFiles
 
 OUTCOME = "outcome.nc"
+SHAKING = "shaking.nc"
 COARSE_RUN = "coarse"  # kind of a run on cells of twice the size
 POSTERIOR = "posterior"
 TITLE_OF_MINE_FILE = "As the mine file has it"
@@ -200,6 +201,23 @@ class PlanOutcomes:
             **({"recorded_steps": self.mine.comparison_slice()["steps"]} if recorded else {}),
             **({"recorded_runs": recorded} if recorded else {}),
         }
+
+    def shaking_slice(self, plan: str) -> dict:
+        """Settings that the shaking of a plan depends on: ground motion and support of the mine file, and steps and
+        openings of the plan."""
+        mine = self.folders.mine_at(self.folders.place_of(plan))
+        return self.mine.shaking_slice() | {
+            "mine": mine.name,
+            "density": mine.settings.materials["host"].density,
+            "steps": mine.comparison_slice()["steps"],
+            "openings": mine.mined_openings(),
+        }
+
+    def shaking(self) -> list[str]:
+        """Shaking of all plans, in order; none where the mine file asks for no ground motion."""
+        if self.mine.settings.ground_motion is None:
+            return []
+        return [self.files.own(f"{PLANS}/{plan}/{SHAKING}") for plan in self.checked_names]
 
     def report_slice(self) -> dict:
         """Settings that the page of the plans depends on, besides the outcomes of the plans."""

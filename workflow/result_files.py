@@ -31,6 +31,7 @@ class ResultFiles:
         self.has_coarse = self.mine.has_companion
         self.has_observations = bool(self.mine.mined_steps) and self.mine.settings.observations is not None
         self.has_forecasts = self.has_record and bool(self.mine.settings.forecasts)
+        self.has_shaking = self.has_catalog and self.mine.settings.ground_motion is not None
 
     def own(self, path: str) -> str:
         """A result of the run's own mine."""
@@ -43,6 +44,11 @@ class ResultFiles:
     def if_recorded(self, path: str) -> str | list[str]:
         """A result of the run's own mine, if it has a record."""
         return self.own(path) if self.has_record else []
+
+    def failed_rock_for_shaking(self) -> str | list[str]:
+        """The table of openings, if demands on support take the depth of failed rock from it."""
+        motion = self.mine.settings.ground_motion
+        return self.own("openings.nc") if motion is not None and motion.failed_depth else []
 
     def comparisons(self) -> dict[str, str]:
         """Files of the run's own comparisons, by name: comparison, spread, grid_convergence, forecast_scores."""
@@ -72,6 +78,8 @@ class ResultFiles:
             "record.nc": self.has_record,
             "openings.csv": bool(self.mine.mined_steps),
             "observations.csv": self.has_observations,
+            "shaking.nc": self.has_shaking,
+            "shaking.csv": self.has_shaking,
         }
         files = [self.own(file) for file in made if made[file]]
         return [*stage_results(self.mine.name, self.mine), *files, *self.compared]

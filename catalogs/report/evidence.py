@@ -40,6 +40,7 @@ DATASETS = (
     "openings",
     "observations",
     "source_parameters",
+    "shaking",
 )
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -94,8 +95,8 @@ class Evidence:
     convergence table and attributes only, among them the dates of a step from its file of events; state:
     STATE_VARIABLES of the last stage;
     catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations,
-    source_parameters: the datasets of these names, None where there is none; files: {path: attributes} of all read;
-    logs: folder of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own
+    source_parameters, shaking: the datasets of these names, None where there is none; files: {path: attributes} of all
+    read; logs: folder of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own
     coordinates, if it is not the map, and in words; sections: planes that the mine file chooses.
     """
 
@@ -116,6 +117,7 @@ class Evidence:
     openings: xr.Dataset | None
     observations: xr.Dataset | None
     source_parameters: xr.Dataset | None
+    shaking: xr.Dataset | None
     files: dict[str, dict]
     logs: Path | None
     insitu: InsituStress | None

@@ -21,6 +21,7 @@ PACKAGES = (
     "baselines",
     "plans",
     "export",
+    "shaking",
     "workflow",
     "verification",
 )

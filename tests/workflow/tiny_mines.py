@@ -33,6 +33,8 @@ STAGES = {
     *("scene", "grid", "elastic", "step", "companion", "events", "catalogue", "record", "comparison", "report"),
     *("report_page", "plan_outcome", "plans", "flaws", "excess_shear", "baselines", "trial", "further", "calibrate"),
     "calibration_record",
+    "shaking",
+    "plan_shaking",
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")
@@ -68,6 +70,7 @@ def copy_checkout(folder: Path) -> Path:
         "baselines",
         "calibration",
         "plans",
+        "shaking",
         "mpm_core",
         "seismic",
         "catalogs",

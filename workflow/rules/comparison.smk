@@ -31,6 +31,34 @@ if FILES.compared:
             RUN
 
 
+if FILES.has_shaking:
+
+    rule shaking:
+        """Peak ground velocity at openings from the events of all runs, and the demand on support."""
+        input:
+            **INPUTS.of(
+                "shaking",
+                grid=FILES.own("grid.nc"),
+                catalog=FILES.own("catalog.nc"),
+                members=FILES.member_events(),
+                comparison=FILES.if_recorded("comparison.nc"),
+                failed_rock=FILES.failed_rock_for_shaking(),
+            ),
+        output:
+            FILES.own("shaking.nc"),
+            FILES.own("shaking.csv"),
+        log:
+            f"{OWN_LOGS}/shaking.log",
+        conda:
+            ENVIRONMENT
+        threads: 1
+        resources:
+            mem_mb=by_attempt(2000),
+            runtime=60,
+        shell:
+            RUN
+
+
 rule report:
     """The page that a geotechnical engineer reads top to bottom, and its figures."""
     input:
@@ -46,6 +74,7 @@ rule report:
             record=FILES.if_recorded("record.nc"),
             openings=FILES.own("openings.nc") if MINE.mined_steps else [],
             observations=FILES.own("observations.nc") if FILES.has_observations else [],
+            shaking=FILES.own("shaking.nc") if FILES.has_shaking else [],
             **FILES.comparisons(),
         ),
     output:

@@ -38,6 +38,36 @@ rule plan_outcome:
         RUN
 
 
+if FILES.has_shaking:
+
+    rule plan_shaking:
+        """Peak ground velocity at the openings of a plan, and the demand on support."""
+        input:
+            **INPUTS.of(
+                "plan_shaking",
+                "{plan}",
+                settings=lambda wildcards: OUTCOMES.shaking_slice(wildcards.plan),
+                grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
+                outcome=f"{PLAN_RESULTS}/{{plan}}/outcome.nc",
+                comparison=FILES.if_recorded("comparison.nc"),
+            ),
+        output:
+            f"{PLAN_RESULTS}/{{plan}}/shaking.nc",
+            f"{PLAN_RESULTS}/{{plan}}/shaking.csv",
+        log:
+            f"{PLAN_LOGS}/{{plan}}/shaking.log",
+        wildcard_constraints:
+            plan=MINING_PLANS.pattern,
+        conda:
+            ENVIRONMENT
+        threads: 1
+        resources:
+            mem_mb=by_attempt(2000),
+            runtime=60,
+        shell:
+            RUN
+
+
 rule plans:
     """All plans side by side: a page, its figures, and a table."""
     input:
@@ -45,6 +75,7 @@ rule plans:
             "plans",
             settings=lambda wildcards: OUTCOMES.report_slice(),
             outcomes=lambda wildcards: OUTCOMES.outcomes(),
+            shaking=lambda wildcards: OUTCOMES.shaking(),
             grid=FILES.own("grid.nc"),
         ),
     output:

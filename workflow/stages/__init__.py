@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = (
     *("mechanics", "catalogue", "comparison", "requests", "calibration", "baselines", "plans"),
-    *("response", "export"),
+    *("response", "shaking", "export"),
 )
 IMPORTS = {  # packages that the code of a package uses
     "common": (),
@@ -35,6 +35,7 @@ IMPORTS = {  # packages that the code of a package uses
     "plans": ("catalogs", "common"),
     "response": ("catalogs", "common", "mpm_core"),
     "export": ("catalogs", "common", "mpm_core"),
+    "shaking": ("catalogs", "common"),
 }
 
 SettingsOf = Callable[["Mine", Mapping[str, str]], dict]
