@@ -11,7 +11,10 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from baselines.alert_report import alert_rows, alert_sentences, draw_molchan, no_skill_text, write_alerts
+from baselines.alerts import ALERT_SHARES
 from baselines.catalogues import split_runs
+from baselines.csep import rigidity, write_csep
 from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
 from baselines.models import NUMBER, POTENCY, SIZES, Counted, Model, ModelComparison, compare_with_record
 from baselines.month_report import (
@@ -36,6 +39,7 @@ from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events
 from common.pages import page_templates
+from common.source_tensors import moment_magnitude
 
 TEMPLATES = Path(__file__).parent / "templates"
 INPUT = "input, not scored"
@@ -209,11 +213,12 @@ def write_page(
     planned: Sequence[str],
     flaws: FlawSlice,
     months: Months,
+    has_csep: bool = False,
 ) -> None:
-    """Write the page, which needs nothing else, and its figure in the same folder, atomically.
+    """Write the page, which needs nothing else, and its figures in the same folder, atomically.
 
     attributes: of the catalogue of flaws; grid: grid.nc of the mine; planned: excavations that are not mined; months:
-    maps and rates of the record itself.
+    maps and rates of the record itself; has_csep: forecasts for pyCSEP are written.
     """
     models, recorded, scores = comparison.models, comparison.recorded, comparison.scores
     names = json.loads(grid.attrs["excavation_names"])
@@ -221,6 +226,7 @@ def write_page(
     with style.applied():
         figure = draw_events(comparison, grid, [index for index, name in enumerate(names) if name in planned])
         picture = style.save(figure, page.parent / "events.svg")
+        molchan = style.save(draw_molchan(months), page.parent / "alerts.svg")
     text = (
         page_templates(TEMPLATES)
         .get_template("baselines.html.j2")
@@ -245,6 +251,14 @@ def write_page(
                 "clusters": months.scores.clusters,
                 "has_intervals": months.scores.has_intervals,
                 "events": int(months.scores.common.sum()),
+            },
+            alerts={
+                "sentences": alert_sentences(months),
+                "shares": [percent(share) for share in ALERT_SHARES],
+                "rows": alert_rows(months),
+                "no_skill": no_skill_text(months),
+                "picture": molchan,
+                "has_files": has_csep,
             },
             uniform=percent(UNIFORM_SHARE),
             cut=fixed(float(models[0].comparison["cut"]), 2),
@@ -329,12 +343,15 @@ def report_stage(
     table: Path,
     months: Path,
     rates: Path,
+    alerts: Path,
+    csep: Path | None = None,
 ) -> None:
     """Compare all models with the record, and write the page (`output`) and the tables.
 
     given: the stage's slice (BaselineReportSlice); members: folders with events of the mine's other runs; flaws,
     excess_shear: files of all runs of each baseline; comparison: file of the mine's own comparison with the record;
-    earlier: file of the record from an earlier date on, or of the record itself.
+    earlier: file of the record from an earlier date on, or of the record itself; csep: folder of the forecasts for
+    pyCSEP, None for a mine without a place on Earth.
     """
     settings = BaselineReportSlice.of(given)
     grid_data, steps = read_dataset(grid), [step.name for step in settings.comparison.steps]
@@ -353,4 +370,12 @@ def report_stage(
     write_table(table, compared)
     write_months(months, monthly)
     write_rates(rates, monthly)
-    write_page(output, settings.mine, compared, flaw_events.attrs, grid_data, settings.planned, settings.flaws, monthly)
+    write_alerts(alerts, monthly)
+    if csep is not None and settings.frame is not None:
+        first, last = settings.depths
+        cut = moment_magnitude(rigidity(read_events(record)) * 10.0 ** float(read_dataset(comparison)["cut"]))
+        write_csep(csep, monthly, settings.frame.given(), (first, last), float(cut))
+    write_page(
+        output, settings.mine, compared, flaw_events.attrs, grid_data, settings.planned, settings.flaws, monthly,
+        csep is not None,
+    )  # fmt: skip

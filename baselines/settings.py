@@ -5,6 +5,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from catalogs.settings import ComparisonSlice, DatedStep
+from common.frame import Frame
 from common.setting_types import AsTuple, Date, Settings, Size, real_number, refusal, whole_number
 from mpm_core.settings import Angle, StrengthPart
 
@@ -86,3 +87,7 @@ class BaselineReportSlice(Settings):
     """lower and upper corner in plan, m, of the box of the uniform rate that maps are compared with"""
     since: str = ""
     """first date of the earlier record; empty: the first dated step"""
+    frame: Frame | None = None
+    """place of the mine on Earth, for forecasts that pyCSEP reads; absent: it has none"""
+    depths: Annotated[tuple[float, ...], Field(min_length=2, max_length=2), AsTuple] = (0.0, 0.0)
+    """top and bottom of the domain, m below sea level"""

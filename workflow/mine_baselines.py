@@ -122,7 +122,18 @@ class MineBaselines:
             "flaws": self.flaws_slice(),
             "box": self._box(),
             **({"since": since} if since else {}),
+            **(self._place() if self.has_place else {}),
         }
+
+    @property
+    def has_place(self) -> bool:
+        """True if the mine has a place on Earth, which forecasts for pyCSEP need."""
+        return self.mine.settings.frame.has_place
+
+    def _place(self) -> dict:
+        """Place of the mine on Earth, and top and bottom of its domain, m below sea level."""
+        domain = self.mine.settings.domain
+        return {"frame": self.mine.settings.frame.given(), "depths": [-domain.upper[2], -domain.lower[2]]}
 
     def _box(self) -> list[list[float]]:
         """Lower and upper corner in plan of the box that the record is taken from, within the domain, m."""

@@ -210,7 +210,9 @@ def test_page_and_table_need_nothing_else(found, tmp_path, kind):
     write_table(tmp_path / "scores.csv", shown)
     page = (tmp_path / "report.html").read_text()
     assert ("The record is a twin" in page) == (kind == "twin")
-    assert page.count("<img") == page.count("data:image/svg+xml") == 1
+    assert page.count("<img") == page.count("data:image/svg+xml") == 2
+    assert "of the rock on alert, the map with the largest area skill" in page
+    assert "Forecasts for pyCSEP need a place on Earth" in page
     assert "input, not scored" in page
     assert "radii of 1 to 12 m" in page
     assert "gives no <code>face</code>" in page

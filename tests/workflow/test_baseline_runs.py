@@ -79,6 +79,19 @@ def test_what_stages_are_given_follows_from_the_mine_file(tmp_path):
     assert "members" not in mine_baselines.report_slice()["comparison"]
 
 
+def test_forecasts_for_pycsep_need_a_place_on_earth(tmp_path):
+    """The stage gets frame and depths below sea level of a mine that has one."""
+    without = baselines_of(changed(TINY, frame={"surface": TINY["frame"]["surface"]}), tmp_path)
+    assert not without.has_place
+    assert BaselineReportSlice.of(without.report_slice()).frame is None
+    located = baselines_of(TINY, tmp_path)
+    assert located.has_place
+    settings = BaselineReportSlice.of(located.report_slice())
+    assert settings.frame.latitude == TINY["frame"]["latitude"]
+    lower, upper = (float(TINY["domain"][key][2].split()[0]) for key in ("lower", "upper"))
+    assert settings.depths == (-upper, -lower)
+
+
 def test_a_rock_without_friction_angle_needs_one(tmp_path):
     """Hoek-Brown's curve has none; with both keys it has flaws all the same."""
     mine = changed(TINY, **{"materials.host": HOEK_BROWN})
@@ -266,4 +279,13 @@ def test_baselines_of_the_tiny_mine(spoiled, base):
         (rates,) = csv.DictReader(file)
     assert float(rates["metres"]) == pytest.approx(30.0)
     assert float(rates["expected events, all earlier by metres"]) > 0.0
+    with open(results / "baselines/alerts.csv") as file:
+        skills = {row["map"]: float(row["area skill score"]) for row in csv.DictReader(file) if row["step"] == "all"}
+    assert set(skills) == set(gains) - {"ceiling"}
+    assert all(0.0 <= skill <= 1.0 for skill in skills.values())
+    forecasts = sorted((results / "baselines/csep").glob("*.dat"))
+    assert [path.name for path in forecasts if path.name.startswith("last_")] == ["last_2019-08.dat"]
+    for path in forecasts:
+        expected = float(rates["expected events, all earlier by metres"])
+        assert np.loadtxt(path)[:, -2].sum() == pytest.approx(expected, rel=1e-4)
     assert "face_measure" in xr.open_dataset(results / "comparison.nc")

@@ -96,7 +96,10 @@ rule baselines:
         table=f"{BASELINE_RESULTS}/scores.csv",
         months=f"{BASELINE_RESULTS}/months.csv",
         rates=f"{BASELINE_RESULTS}/rates.csv",
+        alerts=f"{BASELINE_RESULTS}/alerts.csv",
         figure=f"{BASELINE_RESULTS}/events.svg",
+        alert_figure=f"{BASELINE_RESULTS}/alerts.svg",
+        csep=[directory(f"{BASELINE_RESULTS}/csep")] if MINE_BASELINES.has_place else [],
     log:
         f"{BASELINE_LOGS}/report.log",
     conda:

@@ -55,4 +55,6 @@ def baselines(job: Job) -> None:
         table=job.output("scores.csv"),
         months=job.output("months.csv"),
         rates=job.output("rates.csv"),
+        alerts=job.output("alerts.csv"),
+        csep=job.output("csep") if job.writes("csep") else None,
     )
