@@ -15,7 +15,20 @@ from common.datasets import atomic_path
 
 CURVE_SHARES = np.concatenate([np.linspace(0.0, 0.1, 51)[:-1], np.linspace(0.1, 1.0, 91)])
 # Okabe and Ito's colours and further ones: as many as there are maps
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#999999", "#7f3c8d", "#a5aa99")
+COLOURS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#000000",
+    "#999999",
+    "#7f3c8d",
+    "#a5aa99",
+    "#882255",
+    "#44aa99",
+)
 LINES = ("-", "--", "-.", ":")
 
 

@@ -7,10 +7,10 @@ they are.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from baselines.map_scores import MapScores
 from baselines.models import Counted
@@ -22,6 +22,13 @@ GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # Its multiples, less their whole part, fil
 TIMES_IN_STEP = 200  # Times of a step at which the face is looked at.
 PLACES_ON_LINE = 41
 MODEL_SHARE = 0.5  # Of the pipeline's own model in its mixture with the record.
+PRIOR_MODEL, PRIOR_LINE = "record_and_model", "record_and_line"  # the record joined with a prior map
+PRIOR_NAMES = {
+    PRIOR_MODEL: "all earlier months, with the pipeline as a prior",
+    PRIOR_LINE: "all earlier months, with the line of the face as a prior",
+}
+PRIOR_EVENTS = np.array([1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0])
+FIRST_PRIOR_EVENTS = 50.0  # before a step has shown what a prior is worth
 ERROR_FACTOR = 2.0  # By which the table of nuisances changes the location error, either way.
 
 
@@ -64,6 +71,11 @@ class Periods:
         return cls(np.concatenate([edges[:-1], start]), np.concatenate([edges[1:], end]), count)
 
 
+def prior_share(worth: ArrayLike, count: ArrayLike) -> NDArray:
+    """Share of a prior map that is worth so many events beside a record of `count` events."""
+    return np.asarray(worth / (np.asarray(worth) + np.asarray(count)))
+
+
 def times_with_face(face: Face, start: np.datetime64, end: np.datetime64) -> NDArray:
     """Times of a step, the middles of equal parts of it, at which a face stands."""
     time = start + (end - start) // (2 * TIMES_IN_STEP) * (2 * np.arange(TIMES_IN_STEP) + 1)
@@ -94,7 +106,8 @@ class MonthMaps:
 
     recorded: events of the dated steps that count, with their step and cluster (event,) and the standard deviation of
     their place along each axis, deviation (event,), m; record: all events that count, earlier ones too; box (2, xy): of
-    the uniform rate; models: by label, the pipeline's own first.
+    the uniform rate; models: by label, the pipeline's own first; prior_events (step,): number of recorded events that a
+    prior map is worth in each step, by label of the mixture (`with_learned_priors`).
     """
 
     recorded: Places
@@ -106,6 +119,7 @@ class MonthMaps:
     face: Face | None
     box: NDArray
     models: dict[str, Counted]
+    prior_events: Mapping[str, NDArray] = field(default_factory=dict)
 
     @property
     def labels(self) -> dict[str, str]:
@@ -117,6 +131,7 @@ class MonthMaps:
             **({"line": "line of the face"} if self.face else {}),
             **{label: label.lower() for label in self.models},
             "mixed": "all earlier months and the pipeline, half each",
+            **({label: PRIOR_NAMES[label] for label in self.prior_events}),
             "ceiling": "ceiling: odd days predict even ones, and these odd ones",
         }
         return names if self.models else {key: name for key, name in names.items() if key != "mixed"}
@@ -125,7 +140,7 @@ class MonthMaps:
     def runs(self) -> dict[str, int]:
         """Number of runs of each map; a map without mechanics has one."""
         counts = {label: model.runs for label, model in self.models.items()}
-        counts["mixed"] = next(iter(counts.values()), 1)
+        counts["mixed"] = counts[PRIOR_MODEL] = next(iter(counts.values()), 1)
         return {label: counts.get(label, 1) for label in self.labels}
 
     def window(self, step: int) -> tuple[np.datetime64, np.datetime64]:
@@ -159,9 +174,40 @@ class MonthMaps:
 
     def mixtures(self, step: int, points: Mapping[str, list[NDArray]]) -> dict[str, tuple[str, str, float]]:
         """Maps that are made of two others with a forecast of a step: labels of these, and the share of the first."""
-        if not self.models or "all_earlier" not in points:
+        if "all_earlier" not in points:
             return {}
-        return {"mixed": (next(iter(self.models)), "all_earlier", MODEL_SHARE)}
+        found = {"mixed": (next(iter(self.models)), "all_earlier", MODEL_SHARE)} if self.models else {}
+        for label, worth in self.prior_events.items():
+            prior = self.prior_of(label)
+            if prior in points and np.isfinite(worth[step]):
+                share = prior_share(worth[step], len(points["all_earlier"][0]))
+                found[label] = (prior, "all_earlier", float(share))
+        return found
+
+    def prior_of(self, label: str) -> str:
+        """Label of the map that is the prior of a mixture."""
+        return "line" if label == PRIOR_LINE else next(iter(self.models), "")
+
+    def with_learned_priors(self) -> "MonthMaps":
+        """The same maps, and the record joined with the pipeline's map, and with the line of the face, as a prior.
+
+        A prior is worth a number of recorded events. In each step it is that of PRIOR_EVENTS under which the events of
+        the steps before it were most probable, and FIRST_PRIOR_EVENTS where there is none before.
+        """
+        labels = ([PRIOR_MODEL] if self.models else []) + ([PRIOR_LINE] if self.face is not None else [])
+        gains = dict(zip(self.labels, self.scores().gains, strict=True))
+        steps = len(self.periods.start) - self.periods.before
+        known = {int(step): self.points(int(step)).get("all_earlier", []) for step in np.unique(self.step)}
+        count = np.array([sum(map(len, known[int(step)])) for step in self.step])
+        worth = {}
+        for label in labels:
+            prior, record = gains[self.prior_of(label)], gains["all_earlier"]
+            share = prior_share(PRIOR_EVENTS[:, None, None], np.maximum(count, 1))
+            mixed = np.logaddexp(np.log(share) + prior, np.log1p(-share) + record).mean(axis=1)
+            total = np.array([np.nansum(mixed[:, self.step < step], axis=1) for step in range(steps)])
+            seen = np.array([np.isfinite(mixed[:, self.step < step]).any() for step in range(steps)])
+            worth[label] = np.where(seen, PRIOR_EVENTS[total.argmax(axis=1)], FIRST_PRIOR_EVENTS)
+        return replace(self, prior_events=worth)
 
     def scores(self, share: float = UNIFORM_SHARE, error: float = 1.0) -> MapScores:
         """Gain of each map. share: of the uniform rate; error: factor of the location error."""

@@ -6,6 +6,7 @@ counts are Poisson numbers of equal groups of events (catalogs.compare.exposure.
 dispersion index of the record up to the end of the month. A month alone holds too few clusters to know it from.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,11 +15,22 @@ from numpy.typing import NDArray
 
 from baselines.alerts import AlertScores, find_alerts
 from baselines.map_scores import MIN_CLUSTERS, MapScores, coarser_clusters
+from baselines.measures import METRES
 from baselines.models import ModelComparison
 from baselines.month_maps import TIMES_IN_STEP, MonthMaps, Periods, Places, nuisances, times_with_face
+from baselines.number_forecasts import (
+    ALL_LAWS,
+    NumberScores,
+    RecordedSteps,
+    control_rules,
+    laws_of_all,
+    score_numbers,
+    score_potency,
+)
+from baselines.rate_law import RateLaw
 from baselines.settings import BaselineReportSlice
 from catalogs.compare.blocks import cluster_labels
-from catalogs.compare.exposure import DAY, Exposure, Total, common_period, total_ratio
+from catalogs.compare.exposure import DAY, Exposure, Total, common_period, total_ratio, window
 from catalogs.compare.face import Face
 from catalogs.compare.locations import location_errors
 from catalogs.sources.jackknife import effective_blocks
@@ -109,7 +121,12 @@ def _amount(face: Face | None, start: np.datetime64, end: np.datetime64) -> dict
 
 @dataclass(frozen=True)
 class Months:
-    """Maps, alarms and rates of the dated steps, and the mean gains of the maps under other assumptions (nuisances)."""
+    """Maps, alarms and rates of the dated steps, and the mean gains of the maps under other assumptions (nuisances).
+
+    numbers, potencies: of the steps, forecast by laws of modelled measures and by simpler rules; laws: of the number by
+    all steps, by label of the measure; amounts: measures (step,) of the recorded part of each step, by label;
+    recorded_potency (step,): m3.
+    """
 
     steps: tuple[str, ...]
     maps: MonthMaps
@@ -117,19 +134,33 @@ class Months:
     alerts: AlertScores
     rates: list[StepRates]
     nuisances: list[tuple[str, NDArray]]
+    numbers: NumberScores
+    potencies: NumberScores
+    laws: dict[str, RateLaw]
+    amounts: dict[str, NDArray]
+    recorded_potency: NDArray
 
     def expected_number(self, step: int) -> float:
-        """Events expected of a step by all earlier ones, by metres of the face if there is one, else by days."""
-        rates = self.rates[step].all_earlier
-        return next((rate.expected for rate in rates.values() if np.isfinite(rate.expected)), np.nan)
+        """Events expected of a step: the laws of all measures together, by earlier steps.
+
+        Before there are enough, those of all earlier steps by metres of the face if there is one, else by days.
+        """
+        law = float(self.numbers.values(ALL_LAWS)[step])
+        rates = [rate.expected for rate in self.rates[step].all_earlier.values()]
+        return next((value for value in (law, *rates) if np.isfinite(value)), np.nan)
 
 
 def compare_with_months(
-    models: ModelComparison, earlier: xr.Dataset, cell: float, settings: BaselineReportSlice
+    models: ModelComparison,
+    earlier: xr.Dataset,
+    cell: float,
+    settings: BaselineReportSlice,
+    measures: Mapping[str, NDArray] | None = None,
 ) -> Months:
     """Compare the dated steps with maps and rates of the months before them.
 
-    earlier: the record from an earlier date on, or the record itself; cell: edge of the finest cells, m.
+    earlier: the record from an earlier date on, or the record itself; cell: edge of the finest cells, m; measures:
+    modelled ones of the whole steps (step,), by label.
     """
     own = models.models[0].comparison
     exposure = Exposure.of(settings.comparison.steps, common_period(models.record))
@@ -147,9 +178,27 @@ def compare_with_months(
         face,
         np.array(settings.box),
         {model.label: model.counted for model in models.models},
-    )
+    ).with_learned_priors()
     rates = step_rates(maps.record, maps.periods, face)
-    return Months(models.steps, maps, maps.scores(), find_alerts(maps), rates, nuisances(maps))
+    start, end = np.array([window(one.model_dump()) for one in settings.comparison.steps]).T
+    recorded = RecordedSteps.of(maps.record, maps.periods, (end - start) / DAY)
+    amounts = {label: amount * recorded.share for label, amount in (measures or {}).items()}
+    if face is not None:
+        amounts = {METRES.label: np.array([row.amount["metres"] for row in rates])} | amounts
+    rules = control_rules(recorded, face, maps.periods)
+    return Months(
+        models.steps,
+        maps,
+        maps.scores(),
+        find_alerts(maps),
+        rates,
+        nuisances(maps),
+        score_numbers(recorded, amounts, rules),
+        score_potency(recorded, amounts, rules),
+        laws_of_all(recorded, amounts),
+        amounts,
+        recorded.potency,
+    )
 
 
 def _places(events: xr.Dataset, chosen: NDArray) -> Places:

@@ -16,6 +16,7 @@ from baselines.alerts import ALERT_SHARES
 from baselines.catalogues import split_runs
 from baselines.csep import rigidity, write_csep
 from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
+from baselines.measures import read_measures
 from baselines.models import NUMBER, POTENCY, SIZES, Counted, Model, ModelComparison, compare_with_record
 from baselines.month_report import (
     factor,
@@ -30,6 +31,16 @@ from baselines.month_report import (
     write_rates,
 )
 from baselines.months import Months, compare_with_months
+from baselines.number_report import (
+    draw_numbers,
+    is_scored,
+    law_rows,
+    number_columns,
+    number_sentences,
+    rule_names,
+    score_rows,
+)
+from baselines.number_report import step_rows as number_rows
 from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.compare.spread import read_members
@@ -227,6 +238,7 @@ def write_page(
         figure = draw_events(comparison, grid, [index for index, name in enumerate(names) if name in planned])
         picture = style.save(figure, page.parent / "events.svg")
         molchan = style.save(draw_molchan(months), page.parent / "alerts.svg")
+        by_step = style.save(draw_numbers(months), page.parent / "numbers.svg")
     text = (
         page_templates(TEMPLATES)
         .get_template("baselines.html.j2")
@@ -251,6 +263,16 @@ def write_page(
                 "clusters": months.scores.clusters,
                 "has_intervals": months.scores.has_intervals,
                 "events": int(months.scores.common.sum()),
+            },
+            numbers={
+                "sentences": number_sentences(months),
+                "is_scored": is_scored(months),
+                "scores": score_rows(months),
+                "laws": law_rows(months),
+                "steps": number_rows(months),
+                "rules": rule_names(months),
+                "events": int(months.numbers.common.sum()),
+                "picture": by_step,
             },
             alerts={
                 "sentences": alert_sentences(months),
@@ -344,14 +366,16 @@ def report_stage(
     months: Path,
     rates: Path,
     alerts: Path,
+    states: Sequence[Path] = (),
     csep: Path | None = None,
 ) -> None:
     """Compare all models with the record, and write the page (`output`) and the tables.
 
     given: the stage's slice (BaselineReportSlice); members: folders with events of the mine's other runs; flaws,
     excess_shear: files of all runs of each baseline; comparison: file of the mine's own comparison with the record;
-    earlier: file of the record from an earlier date on, or of the record itself; csep: folder of the forecasts for
-    pyCSEP, None for a mine without a place on Earth.
+    earlier: file of the record from an earlier date on, or of the record itself; states: those of the
+    mine, of which the last ones are the dated steps; csep: folder of the forecasts for pyCSEP, None for a mine without
+    a place on Earth.
     """
     settings = BaselineReportSlice.of(given)
     grid_data, steps = read_dataset(grid), [step.name for step in settings.comparison.steps]
@@ -366,10 +390,11 @@ def report_stage(
         fine_cell,
         settings.comparison,
     )
-    monthly = compare_with_months(compared, read_events(earlier), fine_cell, settings)
+    measures = read_measures(states, len(steps)) if states else {}
+    monthly = compare_with_months(compared, read_events(earlier), fine_cell, settings, measures)
     write_table(table, compared)
     write_months(months, monthly)
-    write_rates(rates, monthly)
+    write_rates(rates, monthly, number_columns(monthly))
     write_alerts(alerts, monthly)
     if csep is not None and settings.frame is not None:
         first, last = settings.depths

@@ -66,6 +66,11 @@ class MineBaselines:
         names = ["elastic", *(f"steps/{step}" for step in self.mine.mined_steps)]
         return [f"results/{self.mine.name}/{ELASTIC_ROCK}/{name}.nc" for name in names]
 
+    def own_states(self) -> list[str]:
+        """States of the mine itself that measures follow from: of the dated steps, and the one before them."""
+        names = ["elastic", *(f"steps/{step}" for step in self.mine.mined_steps)]
+        return [f"results/{self.mine.name}/{name}.nc" for name in names[-len(self.mine.dated_steps) - 1 :]]
+
     def tell_cost(self) -> None:
         """Print once, to stderr, which jobs the page needs that are not made yet, and about how long they take.
 

@@ -29,7 +29,7 @@ IMPORTS = {  # packages that the code of a package uses
     "catalogs": ("common",),
     "calibration": ("catalogs", "common", "seismic"),
     "baselines": ("catalogs", "common", "mpm_core"),
-    "plans": ("catalogs", "common"),
+    "plans": ("baselines", "catalogs", "common"),
 }
 
 SettingsOf = Callable[["Mine", Mapping[str, str]], dict]

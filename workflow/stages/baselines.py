@@ -56,5 +56,6 @@ def baselines(job: Job) -> None:
         months=job.output("months.csv"),
         rates=job.output("rates.csv"),
         alerts=job.output("alerts.csv"),
+        states=job.paths("states"),
         csep=job.output("csep") if job.writes("csep") else None,
     )
