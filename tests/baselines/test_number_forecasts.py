@@ -57,6 +57,9 @@ def test_on_a_twin_the_right_measure_is_chosen_and_beats_the_rules():
         steps = scores.common
         assert list(np.flatnonzero(steps)) == list(range(2, 14))
         assert scores.weights["metres"][-1] > 0.99
+        parts = {label: scores.forecasts[label][4].probability(400.0) for label in scores.weights}
+        mixed = sum(scores.weights[label][4] * parts[label] for label in parts)
+        assert scores.forecasts[ALL_LAWS][4].probability(400.0) == pytest.approx(mixed)
         assert scores.weights["metres"][-1] + scores.weights["failed_volume"][-1] == pytest.approx(1.0)
         missed, (low, high) = scores.misses(ALL_LAWS, steps & (np.arange(14) > 4))
         assert low < missed < high

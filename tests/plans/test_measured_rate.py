@@ -5,7 +5,16 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from plan_fixtures import MINE, STEPS, comparison_of, drawn_ensemble, made_up_grid, made_up_record, outcome_slice
+from plan_fixtures import (
+    HAZARD,
+    MINE,
+    STEPS,
+    comparison_of,
+    drawn_ensemble,
+    made_up_grid,
+    made_up_record,
+    outcome_slice,
+)
 
 from catalogs.settings import DatedStep
 from common.datasets import write_dataset
@@ -13,7 +22,9 @@ from common.errors import InputError
 from plans.layout import PlanSummary
 from plans.measured_rate import rates_by_measures, read_amounts
 from plans.outcome import make_outcome
+from plans.page import write_report
 from plans.record import RecordedNumbers
+from plans.settings import PlansReportSlice
 from plans.tables import forecast_rows, measured_text
 
 MONTHS = tuple(
@@ -137,11 +148,19 @@ def test_the_outcome_and_the_page_have_the_number_by_measures(tmp_path):
         == f"{rates['2019-10'].value:.0f} ({rates['2019-10'].lower:.0f} to {rates['2019-10'].upper:.0f})"
     )
     assert "has forecast the recorded steps best" in measured_text([plan])
+    settings = PlansReportSlice.of({"mine": MINE, "hazard": HAZARD})
+    write_report([plan.outcome], made_up_grid(), settings, tmp_path / "report.html", tmp_path / "plans.csv")
+    page = (tmp_path / "report.html").read_text()
+    assert "<th>events, by measures</th>" in page
+    assert f"<td>{row['measured']}</td>" in page
+    assert "Numbers by measures do not go by the events of the runs." in page
     without = make_outcome(
         outcome_slice(runs, **given | {"recorded_states": []}), made_up_grid(), record, comparison_of()
     )
     assert PlanSummary(without).measured_rates == ({}, {})
     assert measured_text([PlanSummary(without)]) == ""
+    write_report([without], made_up_grid(), settings, tmp_path / "report.html", tmp_path / "plans.csv")
+    assert "by measures" not in (tmp_path / "report.html").read_text()
     old = without.assign_attrs({key: value for key, value in without.attrs.items() if key != "rate_by_measures"})
     del old.attrs["rate_by_measures"]
     assert PlanSummary(old).measured_rates == ({}, {})
