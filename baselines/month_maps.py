@@ -203,7 +203,8 @@ class MonthMaps:
         for label in labels:
             prior, record = gains[self.prior_of(label)], gains["all_earlier"]
             share = prior_share(PRIOR_EVENTS[:, None, None], np.maximum(count, 1))
-            mixed = np.logaddexp(np.log(share) + prior, np.log1p(-share) + record).mean(axis=1)
+            with np.errstate(invalid="ignore"):  # NaN where there is no forecast
+                mixed = np.logaddexp(np.log(share) + prior, np.log1p(-share) + record).mean(axis=1)
             total = np.array([np.nansum(mixed[:, self.step < step], axis=1) for step in range(steps)])
             seen = np.array([np.isfinite(mixed[:, self.step < step]).any() for step in range(steps)])
             worth[label] = np.where(seen, PRIOR_EVENTS[total.argmax(axis=1)], FIRST_PRIOR_EVENTS)

@@ -69,17 +69,18 @@ def test_a_wrong_model_is_given_little_weight():
 
 
 def test_what_a_prior_is_worth_follows_from_earlier_steps_alone():
-    """Events of later steps moved far away change no earlier worth; without an earlier step it is as stated."""
-    maps = maps_of(40, 100.0)
+    """A wrong model whose places later events have: before these it is worth nothing, in the step after them much."""
+    maps = maps_of(40, 800.0)
     worth = maps.prior_events[PRIOR_MODEL]
     assert (worth[:2] == FIRST_PRIOR_EVENTS).all()  # the first step has no record before it
     late = maps.step >= 4
-    place = np.where(late[:, None], maps.record.place + 700.0, maps.record.place)
+    place = np.where(late[:, None], maps.record.place + 800.0, maps.record.place)
     moved = Places(maps.record.time, place, maps.record.potency)
     spoiled = MonthMaps(
         moved, maps.step, maps.cluster, maps.deviation, moved, maps.periods, None, BOX, maps.models
     ).with_learned_priors()
     np.testing.assert_array_equal(spoiled.prior_events[PRIOR_MODEL][:5], worth[:5])
+    assert spoiled.prior_events[PRIOR_MODEL][5] > worth[4]
 
 
 def test_the_worth_is_that_of_the_largest_probability_of_earlier_events():
