@@ -30,6 +30,7 @@ from baselines.number_forecasts import (
 from baselines.rate_law import RateLaw
 from baselines.settings import BaselineReportSlice
 from catalogs.compare.blocks import cluster_labels
+from catalogs.compare.comparison import record_clusters
 from catalogs.compare.exposure import DAY, Exposure, Total, common_period, total_ratio, window
 from catalogs.compare.face import Face
 from catalogs.compare.locations import location_errors
@@ -164,14 +165,17 @@ def compare_with_months(
     """
     own = models.models[0].comparison
     exposure = Exposure.of(settings.comparison.steps, common_period(models.record))
-    used, cut = own["record_used"].values == 1, float(own["cut"])
+    used, cut, cluster = own["record_used"].values == 1, float(own["cut"]), models.scores.cluster
+    if settings.complete_above is not None:
+        cut = float(np.log10(settings.complete_above))
+        used, cluster = _recorded_from(models.record, exposure, cut)
     counted = (earlier["resolved"].values == 1) & (log_potency(earlier["potency"].values) >= cut)
     common = common_period(earlier) if settings.since else None
     face = Face.of(settings.comparison.face) if settings.comparison.face else None
     maps = MonthMaps(
         _places(models.record, used),
         exposure.step(models.record["time"].values)[used],
-        models.scores.cluster,
+        cluster,
         np.hypot(location_errors(models.record)[used], cell) / np.sqrt(3.0),
         _places(earlier, counted),
         Periods.of(exposure.start, exposure.end, np.datetime64(common[0], "ns") if common else None),
@@ -199,6 +203,15 @@ def compare_with_months(
         amounts,
         recorded.potency,
     )
+
+
+def _recorded_from(record: xr.Dataset, exposure: Exposure, cut: float) -> tuple[NDArray, NDArray]:
+    """Recorded events from a cut on in the dated steps (event,) bool, log10 m3, and the clusters of these."""
+    time = record["time"].values
+    step = exposure.step(time)
+    known = (record["resolved"].values == 1) & (step >= 0)
+    used = known & (log_potency(record["potency"].values) >= cut)
+    return used, coarser_clusters(record_clusters(record, known, step)[used], time[used])
 
 
 def _places(events: xr.Dataset, chosen: NDArray) -> Places:

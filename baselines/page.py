@@ -225,11 +225,13 @@ def write_page(
     flaws: FlawSlice,
     months: Months,
     has_csep: bool = False,
+    complete_above: float | None = None,
 ) -> None:
     """Write the page, which needs nothing else, and its figures in the same folder, atomically.
 
     attributes: of the catalogue of flaws; grid: grid.nc of the mine; planned: excavations that are not mined; months:
-    maps and rates of the record itself; has_csep: forecasts for pyCSEP are written.
+    maps and rates of the record itself; has_csep: forecasts for pyCSEP are written;
+    complete_above: potency from which recorded events count there, m3, None for the cut of the comparison.
     """
     models, recorded, scores = comparison.models, comparison.recorded, comparison.scores
     names = json.loads(grid.attrs["excavation_names"])
@@ -252,6 +254,7 @@ def write_page(
             picture=picture,
             months={
                 "sentences": sentences(months),
+                "complete_above": complete_above and fixed(float(np.log10(complete_above)), 2),
                 "has_face": months.maps.face is not None,
                 "steps": months.steps,
                 "maps": map_rows(months),
@@ -398,9 +401,10 @@ def report_stage(
     write_alerts(alerts, monthly)
     if csep is not None and settings.frame is not None:
         first, last = settings.depths
-        cut = moment_magnitude(rigidity(read_events(record)) * 10.0 ** float(read_dataset(comparison)["cut"]))
+        smallest = settings.complete_above or 10.0 ** float(read_dataset(comparison)["cut"])
+        cut = moment_magnitude(np.array(rigidity(read_events(record)) * smallest))
         write_csep(csep, monthly, settings.frame.given(), (first, last), float(cut))
     write_page(
         output, settings.mine, compared, flaw_events.attrs, grid_data, settings.planned, settings.flaws, monthly,
-        csep is not None,
+        csep is not None, settings.complete_above,
     )  # fmt: skip

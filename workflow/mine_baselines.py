@@ -119,7 +119,7 @@ class MineBaselines:
         self.tell_cost()
         planned = [entry.name for entry in self.mine.excavations if self.mine.step_index(entry.step) < 0]
         compared = {key: value for key, value in self.mine.comparison_slice().items() if key != "members"}
-        since = self.settings.since
+        since, complete_above = self.settings.since, self.settings.complete_above
         return {
             "mine": self.mine.name,
             "comparison": compared,
@@ -127,6 +127,7 @@ class MineBaselines:
             "flaws": self.flaws_slice(),
             "box": self._box(),
             **({"since": since} if since else {}),
+            **({"complete_above": complete_above} if complete_above is not None else {}),
             **(self._place() if self.has_place else {}),
         }
 

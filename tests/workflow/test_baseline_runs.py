@@ -127,7 +127,7 @@ def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     ]
     given = {
         "record.filter": {"lower": ["10 m", "-1 km", "10 m"], "start": "2019-08-05", "end": "2019-08-20"},
-        "baselines": {"since": "2019-07-01"},
+        "baselines": {"since": "2019-07-01", "complete_above": "10 mm^3"},
     }
     mine_baselines = baselines_of(changed(TINY, **given), tmp_path)
     assert mine_baselines.earlier_record() == "results/tiny/baselines/record.nc"
@@ -136,6 +136,7 @@ def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     assert slice_["filter"] == {"lower": [10.0, -1000.0, 10.0], "end": "2019-08-20"}
     assert mine_baselines.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
     assert mine_baselines.report_slice()["since"] == "2019-07-01"
+    assert mine_baselines.report_slice()["complete_above"] == pytest.approx(1e-8)
 
 
 def test_the_cost_of_baselines_is_told_once_before_they_run(tmp_path, monkeypatch, capsys):
