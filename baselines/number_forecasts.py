@@ -40,8 +40,9 @@ class RecordedSteps:
     """What is recorded of the dated steps, and by what its chance is measured before each of them.
 
     number, potency (step,), m3; days (step,): recorded ones; time (step,): their middle, days; share (step,): of the
-    step that is recorded; dispersion (step,): dispersion index of the events before the step; scale (step,): potency of
-    equal events before it, m3, NaN without any.
+    step that is recorded; dispersion (step, 2): bounds of the dispersion index of the events before the step, by their
+    times alone and by clusters, too; scale (step,): potency of equal events before it by the lower bound, m3, NaN
+    without any; potency_dispersion (step, 2): bounds of the dispersion index of these.
     """
 
     number: NDArray
@@ -51,6 +52,7 @@ class RecordedSteps:
     share: NDArray
     dispersion: NDArray
     scale: NDArray
+    potency_dispersion: NDArray
 
     @classmethod
     def of(cls, record: Places, periods: Periods, whole: NDArray) -> "RecordedSteps":
@@ -63,25 +65,29 @@ class RecordedSteps:
         days = (end - start) / DAY
         middle = (start + (end - start) // 2).astype(np.int64) / DAY.astype(np.int64)
         chance = [_chance_before(record, periods, start[place]) for place in range(len(start))]
-        dispersion, scale = np.array(chance).reshape(-1, 2).T
-        return cls(number, potency, days, middle, days / whole, dispersion, scale)
+        least, most, scale, factor = np.array(chance).reshape(-1, 4).T
+        bounds = np.column_stack([least, most]), np.column_stack([np.ones(len(factor)), factor])
+        return cls(number, potency, days, middle, days / whole, bounds[0], scale, bounds[1])
 
     def potency_in_events(self, step: int) -> NDArray:
         """Potency of each step (step,) in equal events, as those before a step are."""
         return self.potency / self.scale[step]
 
 
-def _chance_before(record: Places, periods: Periods, until: np.datetime64) -> tuple[float, float]:
-    """Dispersion index of the events before a time, and the potency of equal events, m3; 1 and NaN without any."""
+def _chance_before(record: Places, periods: Periods, until: np.datetime64) -> tuple[float, float, float, float]:
+    """Bounds of the dispersion index of the events before a time, the potency of equal events by the lower one, m3, and
+    the factor by which the upper one makes it larger; 1, 1, NaN and 1 without any."""
     known = record.between(periods.start[0], until)
     if not len(known.time):
-        return 1.0, np.nan
+        return 1.0, 1.0, np.nan, 1.0
     before = periods.end <= until
     exposure = Exposure(periods.start[before], periods.end[before])
     clusters = cluster_labels(known.time, known.place, exposure.step(known.time))
-    dispersion = exposure.dispersion_index(known.time, clusters)
+    most = exposure.dispersion_index(known.time, clusters)
+    least = exposure.dispersion_index(known.time, np.arange(len(known.time)))  # each event by itself
     equal = float(np.sum(known.potency**2) / known.potency.sum())
-    return dispersion, equal * potency_variance_factor(known.potency, dispersion)
+    factors = [potency_variance_factor(known.potency, one) for one in (least, most)]
+    return least, most, equal * factors[0], factors[1] / factors[0]
 
 
 def moving_days(face: Face, start: np.datetime64, end: np.datetime64) -> float:
@@ -204,7 +210,7 @@ class NumberScores:
 
 
 def law_before(
-    step: int, number: NDArray, amount: NDArray, recorded: RecordedSteps, dispersion: float
+    step: int, number: NDArray, amount: NDArray, recorded: RecordedSteps, dispersion: NDArray
 ) -> RateLaw | None:
     """The law of a measure by the steps before one; None where they are too few, or without the measure."""
     past = np.flatnonzero((recorded.days[:step] > 0.0) & np.isfinite(amount[:step]))
@@ -213,7 +219,8 @@ def law_before(
     if not (np.isfinite(number[past]).all() and np.isfinite(amount[step])):
         return None
     ahead = float(amount[step]), float(recorded.days[step])
-    return RateLaw.fit(number[past], amount[past], recorded.days[past], recorded.time[past], dispersion, ahead)
+    least, most = dispersion.tolist()
+    return RateLaw.fit(number[past], amount[past], recorded.days[past], recorded.time[past], (least, most), ahead)
 
 
 def laws_of_all(recorded: RecordedSteps, measures: Mapping[str, NDArray]) -> dict[str, RateLaw]:
@@ -225,10 +232,10 @@ def laws_of_all(recorded: RecordedSteps, measures: Mapping[str, NDArray]) -> dic
     for label, amount in measures.items():
         known = (recorded.days > 0.0) & np.isfinite(amount)
         if known.sum() >= MIN_PERIODS and np.any(amount[known] > 0.0):
+            least, most = recorded.dispersion[known][-1].tolist()
             found[label] = RateLaw.fit(
-                recorded.number[known], amount[known], recorded.days[known], recorded.time[known],
-                float(recorded.dispersion[known][-1]),
-            )  # fmt: skip
+                recorded.number[known], amount[known], recorded.days[known], recorded.time[known], (least, most)
+            )
     return found
 
 
@@ -243,7 +250,7 @@ def score_potency(
     recorded: RecordedSteps, measures: Mapping[str, NDArray], rules: Mapping[str, NDArray]
 ) -> NumberScores:
     """Forecasts of the summed potency of each step, as a number of equal events."""
-    return _scored(recorded, measures, rules, recorded.potency_in_events, np.ones(len(recorded.number)), True)
+    return _scored(recorded, measures, rules, recorded.potency_in_events, recorded.potency_dispersion, True)
 
 
 def _scored(
@@ -262,7 +269,7 @@ def _scored(
     for step in range(count):
         evidence, found = {}, {}
         for label, amount in usable.items():
-            law = law_before(step, numbers(step), amount, recorded, float(dispersion[step]))
+            law = law_before(step, numbers(step), amount, recorded, dispersion[step])
             one = law and law.forecast(float(amount[step]), float(recorded.days[step]), float(recorded.time[step]))
             forecasts[label].append(one or None)
             if law and one:

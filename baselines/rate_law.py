@@ -14,9 +14,10 @@ Given share, drift and scatter, L has a gamma distribution with the shape a and 
 m = a u / b has the variance k m + m^2 ((1 + 1/a) (1 + t^2) - 1), with the dispersion index k and the scatter t. Its
 distribution is negative binomial with this variance, exact for independent events without scatter (Harvey and
 Fernandes 1989). Drift makes the shape smaller and leaves the mean; a period counts by its share 1 / (k + t^2 m) of its
-own variance. Share, drift and scatter lie on a grid, and the probability of the numbers seen so far, each forecast
-before it was seen, is the weight of each of them (Dawid 1984). Nothing else is fitted, so a forecast knows earlier
-periods only.
+own variance. The dispersion index is known between bounds: clusters may join what does not belong together, and times
+alone miss long sequences. Its prior has the density k^-2. Share, drift, scatter and index lie on a grid, and the
+probability of the numbers seen so far, each forecast before it was seen, is the weight of each of them (Dawid 1984).
+Nothing else is fitted, so a forecast knows earlier periods only.
 
 A sum of sizes in place of a number is that of equal events (catalogs.compare.exposure).
 """
@@ -33,6 +34,8 @@ from catalogs.sources.jackknife import INTERVAL_95
 MONTH = 30.0  # days
 SHARES = np.linspace(0.0, 1.0, 21)
 DEVIATIONS = np.array([0.0, 0.1, 0.2, 0.35, 0.6, 1.0])  # of drift in a month, and of scatter
+DRIFTS, SCATTERS = DEVIATIONS[:, None, None] ** 2, DEVIATIONS[:, None] ** 2  # variances of ln, along the grid
+INDICES = 5  # dispersion indices between their bounds
 SPIKE = 0.5  # Prior probability that there is no drift, and that there is no scatter.
 SLAB = 0.5  # Standard deviation of the half-normal prior of either.
 PRIOR_EVENTS = 0.5  # Shape of the level before the first period, about the level of which it is.
@@ -134,17 +137,18 @@ def log_probability(number: float, mean: NDArray, variance: NDArray) -> NDArray:
 
 @dataclass(frozen=True)
 class RateLaw:
-    """What earlier periods say of a law, on the grid of shares, drifts and scatters (share, drift, scatter).
+    """What earlier periods say of a law, on the grid of shares, drifts, scatters and indices (share, drift, scatter,
+    index).
 
     shape, rate: of the level's gamma distribution, rate 0 where it is not known yet; log_weight: of prior and numbers;
-    share (share,); drift, scatter: as the grid; dispersion: dispersion index; amount, days: means of the measure and of
-    the days that the share is for; time: middle of the last period, days.
+    dispersion (index,): dispersion indices; amount, days: means of the measure and of the days that the share is for;
+    time: middle of the last period, days.
     """
 
     shape: NDArray
     rate: NDArray
     log_weight: NDArray
-    dispersion: float
+    dispersion: NDArray
     amount: float
     days: float
     time: float
@@ -156,34 +160,37 @@ class RateLaw:
         amount: NDArray,
         days: NDArray,
         time: NDArray,
-        dispersion: float,
+        dispersion: tuple[float, float],
         ahead: tuple[float, float] | None = None,
     ) -> "RateLaw":
         """The law by the numbers of periods in their order, number, amount, days and time (period,), time: of their
-        middles, days; ahead: measure and days of the period to come, which its scale follows."""
+        middles, days; dispersion: bounds of the dispersion index; ahead: measure and days of the period to come, which
+        its scale follows."""
         amounts, all_days = (
             np.append(one, () if ahead is None else ahead[place]) for place, one in enumerate((amount, days))
         )
         scale, day_scale = float(amounts.mean()) or 1.0, float(all_days.mean())
-        prior = np.log(_share_prior()[:, None, None] * _deviation_prior()[:, None] * _deviation_prior())
+        index = dispersion_indices(*dispersion)
+        deviation = _deviation_prior()
+        prior = _share_prior()[:, None, None, None] * deviation[:, None, None] * deviation[:, None]
+        prior = np.log(prior * index_prior(index))
         shape, rate, log_weight = np.zeros(prior.shape), np.zeros(prior.shape), prior
-        drift, scatter = DEVIATIONS[:, None] ** 2, DEVIATIONS**2
         for period in range(len(number)):
             unit = _unit(amount[period] / scale, days[period] / day_scale)
             gap = max(time[period] - time[period - 1], 0.0) / MONTH if period else 0.0
-            shape, rate = _walked(shape, rate, drift * gap)
+            shape, rate = _walked(shape, rate, DRIFTS * gap)
             known = rate > 0.0
-            mean, variance = _moments(shape, rate, unit, dispersion, scatter)
+            mean, variance = _moments(shape, rate, unit, index)
             seen = log_probability(number[period], mean, variance)
             first = np.where(
                 unit > 0.0, -np.log((number[period] + 1.0) * VAGUE), 0.0 if number[period] == 0 else -np.inf
             )
             log_weight = log_weight + np.where(known, seen, first)
-            weight = 1.0 / (dispersion + scatter * np.where(known, mean, number[period]))
+            weight = 1.0 / (index + SCATTERS * np.where(known, mean, number[period]))
             is_first = ~known & (unit > 0.0)
             shape = np.where(known | is_first, shape + weight * number[period] + PRIOR_EVENTS * is_first, shape)
             rate = rate + weight * unit + np.where(is_first, PRIOR_EVENTS * unit / (number[period] + PRIOR_EVENTS), 0.0)
-        return cls(shape, rate, log_weight, dispersion, scale, day_scale, float(time[-1]))
+        return cls(shape, rate, log_weight, index, scale, day_scale, float(time[-1]))
 
     @property
     def evidence(self) -> float:
@@ -194,8 +201,8 @@ class RateLaw:
         """Number of a period with this measure and these days about a time, days; None if no level is known."""
         unit = _unit(amount / self.amount, days / self.days)
         gap = max(time - self.time, 0.0) / MONTH
-        shape, rate = _walked(self.shape, self.rate, DEVIATIONS[:, None] ** 2 * gap)
-        mean, variance = _moments(shape, rate, unit, self.dispersion, DEVIATIONS**2)
+        shape, rate = _walked(self.shape, self.rate, DRIFTS * gap)
+        mean, variance = _moments(shape, rate, unit, self.dispersion)
         usable = ((rate > 0.0) | (unit == 0.0)) & np.isfinite(self.log_weight)
         if not usable.any():
             return None
@@ -234,9 +241,19 @@ def _deviation_prior() -> NDArray:
     return np.append(SPIKE, (1.0 - SPIKE) * slab / slab.sum())
 
 
+def dispersion_indices(least: float, most: float) -> NDArray:
+    """Dispersion indices (index,) between their bounds; one if these are the same."""
+    return np.array([most]) if most < 1.01 * least else np.geomspace(least, most, INDICES)
+
+
+def index_prior(index: NDArray) -> NDArray:
+    """Prior probability of dispersion indices (index,), evenly spaced in their logarithm: the density is k^-2."""
+    return (1.0 / index) / np.sum(1.0 / index)
+
+
 def _unit(amount: float, days: float) -> NDArray:
-    """u of the law for each share, (share, 1, 1)."""
-    return ((1.0 - SHARES) * amount + SHARES * days)[:, None, None]
+    """u of the law for each share, (share, 1, 1, 1)."""
+    return ((1.0 - SHARES) * amount + SHARES * days)[:, None, None, None]
 
 
 def _walked(shape: NDArray, rate: NDArray, variance: NDArray) -> tuple[NDArray, NDArray]:
@@ -245,14 +262,12 @@ def _walked(shape: NDArray, rate: NDArray, variance: NDArray) -> tuple[NDArray, 
     return shape * smaller, rate * smaller
 
 
-def _moments(
-    shape: NDArray, rate: NDArray, unit: NDArray, dispersion: float, scatter: NDArray
-) -> tuple[NDArray, NDArray]:
-    """Mean and variance of the number of a period; 0 where the level is not known. scatter: variance of ln."""
+def _moments(shape: NDArray, rate: NDArray, unit: NDArray, dispersion: NDArray) -> tuple[NDArray, NDArray]:
+    """Mean and variance of the number of a period; 0 where the level is not known."""
     known = rate > 0.0
     mean = np.where(known, shape * unit / np.where(known, rate, 1.0), 0.0)
     level = np.where(known, 1.0 + 1.0 / np.where(known, shape, 1.0), 1.0)
-    return mean, dispersion * mean + mean**2 * (level * (1.0 + scatter) - 1.0)
+    return mean, dispersion * mean + mean**2 * (level * (1.0 + SCATTERS) - 1.0)
 
 
 def control_forecasts(
@@ -261,18 +276,20 @@ def control_forecasts(
     """Forecasts of the number of each period (period,) by another rule; None where it expects no number.
 
     expected: by the rule, NaN where it says none; spread: variance over the dispersion index times the expected number,
-    which the rule's own counts add to; dispersion: dispersion index by the periods before. The scatter of the rule
-    about what it expects is learnt from its own earlier periods, as that of a law is.
+    which the rule's own counts add to; dispersion (period, 2): bounds of the dispersion index by the periods before.
+    The scatter of the rule about what it expects is learnt from its own earlier periods, as that of a law is.
     """
     found: list[NumberForecast | None] = []
-    log_weight = np.log(_deviation_prior())
-    for value, mean, factor, index in zip(number, expected, spread, dispersion, strict=True):
+    seen = np.zeros((len(DEVIATIONS), INDICES))
+    for value, mean, factor, bounds in zip(number, expected, spread, dispersion, strict=True):
         if not np.isfinite(mean):
             found.append(None)
             continue
-        means = np.full(len(DEVIATIONS), mean)
-        variance = index * mean * factor + (mean * DEVIATIONS) ** 2
+        index = np.geomspace(bounds[0], bounds[1], INDICES)
+        means = np.full(seen.shape, mean)
+        variance = index * mean * factor + mean**2 * SCATTERS
+        log_weight = np.log(_deviation_prior()[:, None] * index_prior(index)) + seen
         found.append(NumberForecast.of(means, variance, log_weight, float(mean)))
         if mean > 0.0:
-            log_weight = log_weight + log_probability(value, means, variance)
+            seen = seen + log_probability(value, means, variance)
     return found

@@ -63,14 +63,14 @@ def rates_by_measures(
             continue
         known = recorded.recorded, own, days, recorded.middles
         laws[label] = known
-        evidence[label] = RateLaw.fit(*known, recorded.dispersion_index).evidence
+        evidence[label] = RateLaw.fit(*known, recorded.dispersion_bounds).evidence
     found: dict[str, MeasuredRate] = {}
     for place in np.flatnonzero(ahead).tolist():
         parts: dict[str, NumberForecast] = {}
         for label, known in laws.items():
             amount = float(amounts[label][place])
             if np.isfinite(amount):
-                law = RateLaw.fit(*known, recorded.dispersion_index, (amount, float(all_days[place])))
+                law = RateLaw.fit(*known, recorded.dispersion_bounds, (amount, float(all_days[place])))
                 one = law.forecast(amount, float(all_days[place]), float(time[place]))
                 parts |= {label: one} if one else {}
         if parts:

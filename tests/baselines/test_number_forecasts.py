@@ -44,7 +44,8 @@ def twin(generator, months: int = 14) -> tuple[RecordedSteps, dict, dict]:
     days = np.full(months, 30.0)
     number = generator.poisson(5.0 * days + 2.0 * metres).astype(float)
     ones = np.ones(months)
-    recorded = RecordedSteps(number, 0.5 * number, days, 15.0 + 30.0 * np.arange(months), ones, ones, 0.5 * ones)
+    time, bounds = 15.0 + 30.0 * np.arange(months), np.ones((months, 2))
+    recorded = RecordedSteps(number, 0.5 * number, days, time, ones, bounds, 0.5 * ones, bounds)
     measures = {"metres": metres, "failed_volume": generator.uniform(20.0, 300.0, months)}
     rules = {LAST: ones, LAST_BY_METRES: metres, ALL_BY_METRES: metres, LAST_BY_DAYS: days * (metres > 0.0)}
     return recorded, measures, rules
@@ -81,7 +82,8 @@ def test_a_forecast_knows_earlier_steps_only():
         recorded,
         number=np.where(later, 5000.0, recorded.number),
         potency=np.where(later, 9e9, recorded.potency),
-        dispersion=np.where(np.arange(14) > 9, 77.0, recorded.dispersion),
+        dispersion=np.where(np.arange(14)[:, None] > 9, 77.0, recorded.dispersion),
+        potency_dispersion=np.where(np.arange(14)[:, None] > 9, 77.0, recorded.potency_dispersion),
         scale=np.where(np.arange(14) > 9, 77.0, recorded.scale),
     )
     other = {label: np.where(np.arange(14) > 9, 1e6, amount) for label, amount in measures.items()}
@@ -157,8 +159,9 @@ def test_numbers_days_and_chance_of_a_record_are_counted_by_step():
     assert recorded.potency.tolist() == [40.0, 40.0, 40.0]
     assert recorded.days.tolist() == [21.0, 30.0, 31.0]
     assert recorded.share == pytest.approx([21 / 31, 1.0, 1.0])
-    assert recorded.dispersion[0] == 1.0
-    assert recorded.dispersion[2] > 3.0  # all events of a month within a day
+    assert recorded.dispersion[0].tolist() == [1.0, 1.0]
+    assert (recorded.dispersion[2] > 3.0).all()  # all events of a month within a day
+    assert (recorded.potency_dispersion[2] >= 1.0).all()
     assert np.isnan(recorded.scale[0])
     assert recorded.scale[2] >= 2.0
     nothing = RecordedSteps.of(record.between(end[-1], end[-1]), Periods.of(start, end, None), np.full(3, 30.0))
