@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from baselines.alerts import ALERT_SHARES
 from baselines.months import Months
 from catalogs.figures import style
-from catalogs.report.text import DASH, between, hundredths, number, percent
+from catalogs.report.text import DASH, between, hundredths, number
 from common.datasets import atomic_path
 
 CURVE_SHARES = np.concatenate([np.linspace(0.0, 0.1, 51)[:-1], np.linspace(0.1, 1.0, 91)])
@@ -134,7 +134,7 @@ def write_alerts(path: Path, months: Months) -> None:
             }
             for share in ALERT_SHARES:
                 rate, ends = alerts.hit_rate(label, share, index)
-                name = f"hit rate at {percent(share)} on alert"
+                name = f"hit rate at {100 * share:g} % on alert"
                 values |= {name: rate, f"{name}, lower": ends[0], f"{name}, upper": ends[1]}
             rows.append(values)
     with atomic_path(path) as temporary:

@@ -142,11 +142,12 @@ class Months:
     recorded_potency: NDArray
 
     def expected_number(self, step: int) -> float:
-        """Events expected of a step: the laws of all measures together, by earlier steps.
+        """Events expected of a step: the mean of the laws of all measures together, by earlier steps.
 
         Before there are enough, those of all earlier steps by metres of the face if there is one, else by days.
         """
-        law = float(self.numbers.values(ALL_LAWS)[step])
+        forecast = self.numbers.forecasts[ALL_LAWS][step]
+        law = np.nan if forecast is None else forecast.mean_number
         rates = [rate.expected for rate in self.rates[step].all_earlier.values()]
         return next((value for value in (law, *rates) if np.isfinite(value)), np.nan)
 

@@ -279,7 +279,7 @@ def write_page(
             },
             alerts={
                 "sentences": alert_sentences(months),
-                "shares": [percent(share) for share in ALERT_SHARES],
+                "shares": [f"{100 * share:g} %" for share in ALERT_SHARES],
                 "rows": alert_rows(months),
                 "no_skill": no_skill_text(months),
                 "picture": molchan,

@@ -111,6 +111,11 @@ class NumberForecast:
         return max(high - 0.5 + (0.5 - before) / (self.below(high) - before), 0.0)
 
     @property
+    def mean_number(self) -> float:
+        """Mean of the mixture, above the median where forecasts are skewed."""
+        return float(self.weight @ self.mean)
+
+    @property
     def value(self) -> float:
         """The one number that stands for the forecast: that of the rule, or the median."""
         return self.median if self.rule is None else self.rule

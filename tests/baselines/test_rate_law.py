@@ -164,6 +164,7 @@ def test_forecasts_together_are_a_mixture_by_their_weights():
     one, two = (NumberForecast.of(np.array([mean]), np.array([mean]), np.zeros(1)) for mean in (10.0, 30.0))
     both = NumberForecast.together([one, two], np.log([3.0, 1.0]))
     assert both.probability(20.0) == pytest.approx(0.75 * one.probability(20.0) + 0.25 * two.probability(20.0))
+    assert both.mean_number == pytest.approx(0.75 * 10.0 + 0.25 * 30.0)
     assert both.score(1e6) == pytest.approx(np.log(1e-6))
 
 
