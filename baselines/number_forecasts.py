@@ -154,11 +154,9 @@ class NumberScores:
     @property
     def common(self) -> NDArray:
         """Steps (step,) bool of which every forecast that has any says a number, and whose number is known."""
-        has = np.array([[one is not None for one in row] for row in self.forecasts.values()])
-        has = has.reshape(len(self.forecasts), len(self.number))
-        return (
-            has[has.any(axis=1)].all(axis=0) & np.isfinite(self.number) if has.any() else np.zeros(has.shape[1], bool)
-        )
+        rows = [[one is not None for one in row] for row in self.forecasts.values()]
+        known = [row for row in rows if any(row)]
+        return np.all(known, axis=0) & np.isfinite(self.number) if known else np.zeros(len(self.number), bool)
 
     def values(self, label: str) -> NDArray:
         """The number that stands for each forecast (step,), NaN where there is none."""
