@@ -58,9 +58,10 @@ def number_sentences(months: Months) -> list[str]:
     scores = months.numbers
     steps, controls = scores.common, _controls(scores)
     missed, ends = scores.misses(ALL_LAWS, steps)
+    interval = f"; 95 % interval {between(ends, hundredths)}" if np.isfinite(ends).all() else ""
     lines = [
         f"In {plural(int(steps.sum()), 'step')} the number of events is forecast from earlier steps by modelled "
-        f"measures. It is off by a factor of {factor(missed)} (r.m.s. of ln {_missed(missed, ends)})."
+        f"measures. It is off by a factor of {factor(missed)} (r.m.s. of ln {hundredths(missed)}{interval})."
     ]
     if controls:
         leads = [scores.lead(ALL_LAWS, label, steps) for label in controls]

@@ -1,6 +1,8 @@
 """Numbers forecast from earlier steps: laws and rules on twins, scores with intervals, and what a step may not know."""
 
+import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +24,14 @@ from baselines.number_forecasts import (
     moving_days,
     score_numbers,
     score_potency,
+)
+from baselines.number_report import (
+    draw_numbers,
+    law_rows,
+    number_columns,
+    number_sentences,
+    score_rows,
+    step_rows,
 )
 from baselines.rate_law import NumberForecast
 from catalogs.compare.face import Face
@@ -223,3 +233,39 @@ def test_measures_follow_from_states(tmp_path):
     assert [found[label][0] for label in found] == pytest.approx([5.0, 5.0, 2.0 * 1e-3 * 12.0, 7.0, 9.0])
     assert all(np.isnan(found[label][1]) for label in found)
     assert read_measures([], 0)["plastic_work"].shape == (0,)
+
+
+def test_the_page_states_errors_leads_and_the_law():
+    """Sentences, rows, columns of the file and the figure of a twin; of a single step, that there are too few."""
+    recorded, measures, rules = twin(np.random.default_rng(11))
+    months = SimpleNamespace(
+        steps=tuple(f"2019-{month:02d}" for month in range(1, 15)),
+        numbers=score_numbers(recorded, measures, rules),
+        potencies=score_potency(recorded, measures, rules),
+        laws=laws_of_all(recorded, measures),
+        amounts=measures,
+        recorded_potency=recorded.potency,
+    )
+    off, rule, law = number_sentences(months)
+    assert re.fullmatch(
+        r"In 12 steps the number of events is forecast from earlier steps by modelled measures\. It is off by a factor "
+        r"of 1\.\d \(r\.m\.s\. of ln 0\.\d\d; 95 % interval 0\.\d\d to 0\.\d\d\)\.",
+        off,
+    )
+    assert "which is more than chance explains (p" in rule
+    assert law.startswith("Of the measures, metres advanced has forecast earlier steps best (weight ")
+    rows = score_rows(months)
+    assert [row["name"] for row in rows[:2]] == ["laws of all measures together", "law of metres advanced"]
+    assert [row["name"] for row in law_rows(months)] == ["metres advanced", "failed volume"]
+    assert step_rows(months)[1]["law"] == "–"
+    columns = number_columns(months)
+    assert columns[13]["forecast events, last step"] == recorded.number[12]
+    assert columns[13]["weight, law of metres advanced"] > 0.99
+    assert columns[3]["failed volume, m3"] == measures["failed_volume"][3]
+    axes = draw_numbers(months).axes[0]
+    assert axes.get_ylabel() == "events in the step"
+    alone, one_measure, one_rule = twin(np.random.default_rng(12), 1)
+    few = SimpleNamespace(numbers=score_numbers(alone, one_measure, one_rule))
+    assert number_sentences(few) == [
+        "There are too few steps with a modelled measure to forecast the number of another one."
+    ]
