@@ -1,11 +1,13 @@
 """The months of the record on the page of the baselines: sentences, rows of tables, and files of numbers."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from baselines.map_scores import MIN_CLUSTERS, SIGNIFICANCE, Estimate, MapScores, adjusted, verdict_of
+from baselines.month_maps import PRIOR_LINE, PRIOR_MODEL, PRIOR_NAMES
 from baselines.months import MEASURES, Months, Rate
 from catalogs.report.text import NEAREST, between, fixed, hundredths, number, percent, plural, whole
 from common.datasets import atomic_path
@@ -42,12 +44,17 @@ def sentences(months: Months) -> list[str]:
         ]
     steps = len(np.unique(scores.step[scores.common]))
     best = max((one for one in OF_RECORD if np.isfinite(mean[one])), key=lambda one: mean[one])
-    others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", "ceiling")]
+    others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", *PRIOR_NAMES, "ceiling")]
     tests = {
         (pipeline, best): ("the pipeline's map", "that map of the record"),
         **{(pipeline, one): ("the pipeline's map", f"the map “{names[one]}”") for one in others},
         ("mixed", "all_earlier"): ("the map of all earlier months, half mixed with the pipeline's", "it without that"),
     }
+    joined = "the map of all earlier months with the pipeline's as a prior"
+    if PRIOR_MODEL in labels and np.isfinite(mean[PRIOR_MODEL]):
+        tests[PRIOR_MODEL, "all_earlier"] = joined, "the map of all earlier months"
+        if PRIOR_LINE in labels and np.isfinite(mean[PRIOR_LINE]):
+            tests[PRIOR_MODEL, PRIOR_LINE] = joined, "that with the line of the face as a prior"
     leads = [scores.lead(*pair) for pair in tests]
     raised = adjusted([lead.p_value for lead in leads]) if scores.has_intervals else [np.nan] * len(leads)
     first, *rest = (_lead(lead, p, *words) for lead, p, words in zip(leads, raised, tests.values(), strict=True))
@@ -57,7 +64,17 @@ def sentences(months: Months) -> list[str]:
         f"{times(mean[best])} under the best map of the record ({names[best]}). {first}".strip()
     ]
     lines += rest if scores.has_intervals else [too_few_clusters(scores)]
-    return lines + _rate_sentences(months)
+    return [*lines, *_prior_sentences(months), *_rate_sentences(months)]
+
+
+def _prior_sentences(months: Months) -> list[str]:
+    """State how many recorded events a prior map is worth in the last step."""
+    return [
+        f"In the last step the map “{PRIOR_NAMES[label]}” takes its prior for "
+        f"{plural(int(worth[-1]), 'recorded event')}. So many made the events of the steps before it most probable."
+        for label, worth in months.maps.prior_events.items()
+        if len(worth)
+    ]
 
 
 def _rate_sentences(months: Months) -> list[str]:
@@ -178,8 +195,8 @@ def write_months(path: Path, months: Months) -> None:
     _write(path, rows)
 
 
-def write_rates(path: Path, months: Months) -> None:
-    """Numbers of each step by metres and by days, as CSV, atomically."""
+def write_rates(path: Path, months: Months, more: Sequence[Mapping[str, float]] = ()) -> None:
+    """Numbers of each step by metres and by days, as CSV, atomically; more: further columns of each step."""
     _write(
         path,
         [
@@ -194,8 +211,9 @@ def write_rates(path: Path, months: Months) -> None:
                     for measure in MEASURES
                     for what, key in (("expected events", "expected"), ("p-value", "p_value"))
                 },
+                **others,
             }
-            for step, row in zip(months.steps, months.rates, strict=True)
+            for step, row, others in zip(months.steps, months.rates, more or [{}] * len(months.steps), strict=True)
         ],
     )
 

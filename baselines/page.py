@@ -11,8 +11,12 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from baselines.alert_report import alert_rows, alert_sentences, draw_molchan, no_skill_text, write_alerts
+from baselines.alerts import ALERT_SHARES
 from baselines.catalogues import split_runs
+from baselines.csep import rigidity, write_csep
 from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
+from baselines.measures import read_measures
 from baselines.models import NUMBER, POTENCY, SIZES, Counted, Model, ModelComparison, compare_with_record
 from baselines.month_report import (
     factor,
@@ -27,6 +31,16 @@ from baselines.month_report import (
     write_rates,
 )
 from baselines.months import Months, compare_with_months
+from baselines.number_report import (
+    draw_numbers,
+    is_scored,
+    law_rows,
+    number_columns,
+    number_sentences,
+    rule_names,
+    score_rows,
+)
+from baselines.number_report import step_rows as number_rows
 from baselines.settings import BaselineReportSlice, FlawSlice
 from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.compare.spread import read_members
@@ -36,6 +50,7 @@ from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path, read_dataset
 from common.event_table import read_events
 from common.pages import page_templates
+from common.source_tensors import moment_magnitude
 
 TEMPLATES = Path(__file__).parent / "templates"
 INPUT = "input, not scored"
@@ -209,11 +224,14 @@ def write_page(
     planned: Sequence[str],
     flaws: FlawSlice,
     months: Months,
+    has_csep: bool = False,
+    complete_above: float | None = None,
 ) -> None:
-    """Write the page, which needs nothing else, and its figure in the same folder, atomically.
+    """Write the page, which needs nothing else, and its figures in the same folder, atomically.
 
     attributes: of the catalogue of flaws; grid: grid.nc of the mine; planned: excavations that are not mined; months:
-    maps and rates of the record itself.
+    maps and rates of the record itself; has_csep: forecasts for pyCSEP are written;
+    complete_above: potency from which recorded events count there, m3, None for the cut of the comparison.
     """
     models, recorded, scores = comparison.models, comparison.recorded, comparison.scores
     names = json.loads(grid.attrs["excavation_names"])
@@ -221,6 +239,8 @@ def write_page(
     with style.applied():
         figure = draw_events(comparison, grid, [index for index, name in enumerate(names) if name in planned])
         picture = style.save(figure, page.parent / "events.svg")
+        molchan = style.save(draw_molchan(months), page.parent / "alerts.svg")
+        by_step = style.save(draw_numbers(months), page.parent / "numbers.svg")
     text = (
         page_templates(TEMPLATES)
         .get_template("baselines.html.j2")
@@ -234,6 +254,7 @@ def write_page(
             picture=picture,
             months={
                 "sentences": sentences(months),
+                "complete_above": complete_above and fixed(float(np.log10(complete_above)), 2),
                 "has_face": months.maps.face is not None,
                 "steps": months.steps,
                 "maps": map_rows(months),
@@ -245,6 +266,24 @@ def write_page(
                 "clusters": months.scores.clusters,
                 "has_intervals": months.scores.has_intervals,
                 "events": int(months.scores.common.sum()),
+            },
+            numbers={
+                "sentences": number_sentences(months),
+                "is_scored": is_scored(months),
+                "scores": score_rows(months),
+                "laws": law_rows(months),
+                "steps": number_rows(months),
+                "rules": rule_names(months),
+                "events": int(months.numbers.common.sum()),
+                "picture": by_step,
+            },
+            alerts={
+                "sentences": alert_sentences(months),
+                "shares": [f"{100 * share:g} %" for share in ALERT_SHARES],
+                "rows": alert_rows(months),
+                "no_skill": no_skill_text(months),
+                "picture": molchan,
+                "has_files": has_csep,
             },
             uniform=percent(UNIFORM_SHARE),
             cut=fixed(float(models[0].comparison["cut"]), 2),
@@ -329,12 +368,17 @@ def report_stage(
     table: Path,
     months: Path,
     rates: Path,
+    alerts: Path,
+    states: Sequence[Path] = (),
+    csep: Path | None = None,
 ) -> None:
     """Compare all models with the record, and write the page (`output`) and the tables.
 
     given: the stage's slice (BaselineReportSlice); members: folders with events of the mine's other runs; flaws,
     excess_shear: files of all runs of each baseline; comparison: file of the mine's own comparison with the record;
-    earlier: file of the record from an earlier date on, or of the record itself.
+    earlier: file of the record from an earlier date on, or of the record itself; states: those of the
+    mine, of which the last ones are the dated steps; csep: folder of the forecasts for pyCSEP, None for a mine without
+    a place on Earth.
     """
     settings = BaselineReportSlice.of(given)
     grid_data, steps = read_dataset(grid), [step.name for step in settings.comparison.steps]
@@ -349,8 +393,18 @@ def report_stage(
         fine_cell,
         settings.comparison,
     )
-    monthly = compare_with_months(compared, read_events(earlier), fine_cell, settings)
+    measures = read_measures(states, len(steps)) if states else {}
+    monthly = compare_with_months(compared, read_events(earlier), fine_cell, settings, measures)
     write_table(table, compared)
     write_months(months, monthly)
-    write_rates(rates, monthly)
-    write_page(output, settings.mine, compared, flaw_events.attrs, grid_data, settings.planned, settings.flaws, monthly)
+    write_rates(rates, monthly, number_columns(monthly))
+    write_alerts(alerts, monthly)
+    if csep is not None and settings.frame is not None:
+        first, last = settings.depths
+        smallest = settings.complete_above or 10.0 ** float(read_dataset(comparison)["cut"])
+        cut = moment_magnitude(np.array(rigidity(read_events(record)) * smallest))
+        write_csep(csep, monthly, settings.frame.given(), (first, last), float(cut))
+    write_page(
+        output, settings.mine, compared, flaw_events.attrs, grid_data, settings.planned, settings.flaws, monthly,
+        csep is not None, settings.complete_above,
+    )  # fmt: skip

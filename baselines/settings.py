@@ -5,7 +5,8 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from catalogs.settings import ComparisonSlice, DatedStep
-from common.setting_types import AsTuple, Date, Settings, Size, real_number, refusal, whole_number
+from common.frame import Frame
+from common.setting_types import AsTuple, Date, Settings, Size, Unit, real_number, refusal, whole_number
 from mpm_core.settings import Angle, StrengthPart
 
 Radii = Annotated[tuple[Size, ...], Field(min_length=2, max_length=2), AsTuple]
@@ -35,6 +36,10 @@ class BaselineSettings(Settings):
     since: Date = None
     """First date of the record that earlier months are taken from, UTC. Default: the first dated step. Give an earlier
     one if the record begins before the dated steps."""
+
+    complete_above: Annotated[float, Unit("m^3", gt=0, le=1e20)] = None
+    """Potency from which recorded events count in maps, alarms and numbers of earlier months: above it the network
+    missed no event. Default: the cut of the comparison, which events of the model have to reach, too."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -86,3 +91,9 @@ class BaselineReportSlice(Settings):
     """lower and upper corner in plan, m, of the box of the uniform rate that maps are compared with"""
     since: str = ""
     """first date of the earlier record; empty: the first dated step"""
+    complete_above: Annotated[float, Field(gt=0)] | None = None
+    """potency from which recorded events count in maps, alarms and numbers, m3; absent: the cut of the comparison"""
+    frame: Frame | None = None
+    """place of the mine on Earth, for forecasts that pyCSEP reads; absent: it has none"""
+    depths: Annotated[tuple[float, ...], Field(min_length=2, max_length=2), AsTuple] = (0.0, 0.0)
+    """top and bottom of the domain, m below sea level"""

@@ -46,6 +46,7 @@ from common.source_tensors import moment_magnitude
 ANY = "any"  # Name, in addition to those of the openings, of all of them together.
 OWN, MEMBER, COARSE, DRAW = "own", "member", "coarse", "draw"
 LOG_M3 = "log10(m3)"
+RATE_BY_MEASURES = "rate_by_measures"  # attribute, JSON: numbers of the steps ahead (MeasuredRate), weights of measures
 LIKE_OWN = (OWN, MEMBER)  # Kinds of runs that differ from the plan's own by chance only.
 
 
@@ -137,6 +138,15 @@ def read_outcome(path: str | os.PathLike) -> xr.Dataset:
 
 
 @dataclass(frozen=True)
+class MeasuredRate:
+    """Number of a step by laws of measures: value, and lower and upper end of its 95 % interval, from the floor on."""
+
+    value: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
 class RunMeans:
     """Means of the plan's own run and its members: number, potency (m3), energy released (J), failed volume (m3);
     largest: log10 potency of the largest event of all these runs, m3, NaN without one."""
@@ -178,6 +188,13 @@ class PlanSummary:
     def openings(self) -> list[str]:
         """Names of the openings that it mines."""
         return [str(name) for name in self.outcome["opening"].values if name != ANY]
+
+    @cached_property
+    def measured_rates(self) -> tuple[dict[str, MeasuredRate], dict[str, float]]:
+        """Numbers of its steps ahead by modelled measures, by step, and the weight of each measure."""
+        values = json.loads(str(self.outcome.attrs.get(RATE_BY_MEASURES, "")) or "{}")
+        rates = {name: MeasuredRate(**one) for name, one in values.get("steps", {}).items()}
+        return rates, values.get("weights", {})
 
     @property
     def collapsed(self) -> str:

@@ -19,8 +19,9 @@ from common.errors import InputError
 from common.event_table import read_events
 from common.source_tensors import moment_of_magnitude
 from plans.hazard import find_hazard
-from plans.layout import ANY, LIKE_OWN, OWN, new_outcome
-from plans.record import is_ahead, read_recorded
+from plans.layout import ANY, LIKE_OWN, OWN, RATE_BY_MEASURES, new_outcome
+from plans.measured_rate import rates_by_measures, read_amounts, to_attribute
+from plans.record import RecordedNumbers, RecordedSteps, is_ahead, read_recorded
 from plans.runs import (
     Geometry,
     StepResult,
@@ -91,6 +92,9 @@ def make_outcome(
             others.append([])
         if kind in LIKE_OWN:
             others[-1].append([step.from_floor(floor) for step in run])
+    rate = ""
+    if recorded and numbers is not None and settings.recorded_states and not collapsed:
+        rate = _measured_rate(settings, recorded, numbers, ahead)
     hazard, attributes = find_hazard(settings, values, counted, ahead, floor, numbers, others)
     attributes = {
         "mine": settings.mine,
@@ -102,9 +106,20 @@ def make_outcome(
         "shear_modulus": settings.shear_modulus,
         "differs_in": json.dumps(list(settings.differs_in)),
         "recorded_until": str(until)[:19] if until is not None else "",
+        RATE_BY_MEASURES: rate,
         "steps_ahead": json.dumps([step.name for step, one in zip(steps, ahead, strict=True) if one]),
     } | attributes
     return new_outcome(values | hazard, attributes)
+
+
+def _measured_rate(settings: OutcomeSlice, recorded: RecordedSteps, numbers: RecordedNumbers, ahead: NDArray) -> str:
+    """The numbers of the steps ahead by measures of the mine's and the plan's own runs, as an attribute."""
+    covered = {step.name for step in recorded.steps}
+    place = [number for number, step in enumerate(settings.recorded_steps) if step.name in covered]
+    own = read_amounts(settings.recorded_states, settings.recorded_steps, settings.mine)
+    amounts = read_amounts(settings.runs[0].states, settings.steps, settings.mine)
+    own = {label: values[place] for label, values in own.items()}
+    return to_attribute(*rates_by_measures(numbers, recorded.steps, own, settings.steps, amounts, ahead))
 
 
 def _standing(runs: Sequence[tuple[str, list[StepResult]]]) -> list[tuple[str, list[StepResult]]]:

@@ -26,7 +26,16 @@ from plans.overview import overview
 from plans.sentences import collapsed, interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
 from plans.shaking_rows import SHAKING_VARIABLES, shaking_rows
-from plans.tables import exposed_rows, forecast_rows, matrix, opening_rows, plan_rows, step_rows, write_table
+from plans.tables import (
+    exposed_rows,
+    forecast_rows,
+    matrix,
+    measured_text,
+    opening_rows,
+    plan_rows,
+    step_rows,
+    write_table,
+)
 
 TEMPLATES = Path(__file__).parent / "templates"
 COLOURS = (style.MODELLED, style.RECORDED, style.BOTH, "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito (2008)
@@ -106,6 +115,7 @@ def write_report(
             likelihoods=sorted((hazard.likelihoods or {}).items(), key=lambda one: one[1]),
             forecasts=forecast_rows(plans),
             shaking=shaking_rows(plans, felt),
+            measured=measured_text(plans),
             laws=law_texts(plans),
             ratios=sorted(ratios),
             members=[plan.members for plan in plans],

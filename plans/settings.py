@@ -116,6 +116,8 @@ class OutcomeSlice(Settings):
     """the mine's own dated steps, with a record"""
     recorded_runs: Annotated[tuple[RunFiles, ...], AsTuple] = ()
     """the mine's own runs, its own first; their states are not read"""
+    recorded_states: Texts = ()
+    """states of the mine's own run in the recorded steps, whose measures the recorded numbers go by"""
 
 
 class PlansReportSlice(Settings):

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from catalogs.report.text import DASH, between, fixed, number, typeset
+from baselines.measures import MEASURES
+from catalogs.report.text import DASH, between, fixed, number, percent, typeset
 from catalogs.settings import ALL_STEPS
 from catalogs.sources.jackknife import INTERVAL_95
 from common.datasets import atomic_path
@@ -212,7 +213,9 @@ def forecast_rows(plans: Sequence[PlanSummary]) -> list[dict]:
             row = {"plan": plan.name, "step": step, "mines": listed_names(plan.mines(step)) or DASH}
             middle, ends = quantiles(counted)
             row["number"] = f"{middle:.0f} ({ends[0]:.0f} to {ends[1]:.0f})"
-            row |= {"potency": DASH, "largest": DASH}
+            row |= {"potency": DASH, "largest": DASH, "measured": DASH}
+            if rate := plan.measured_rates[0].get(step):
+                row["measured"] = f"{rate.value:.0f} ({rate.lower:.0f} to {rate.upper:.0f})"
             if np.isfinite(potency).all():
                 middle, ends = quantiles(potency)
                 row["potency"] = f"{number(middle)} ({between(ends)})"
@@ -220,6 +223,21 @@ def forecast_rows(plans: Sequence[PlanSummary]) -> list[dict]:
                 row["largest"] = f"{_largest(plan, middle)} ({' to '.join(_largest(plan, end) for end in ends)})"
             rows.append(row)
     return rows
+
+
+def measured_text(plans: Sequence[PlanSummary]) -> str:
+    """State what numbers by measures are, and which measure weighs most; empty where no plan has any."""
+    weights: dict[str, float] = next((plan.measured_rates[1] for plan in plans if plan.measured_rates[0]), {})
+    if not weights:
+        return ""
+    best = max(weights, key=lambda label: weights[label])
+    name = next(measure.name for measure in MEASURES if measure.label == best)
+    return (
+        "Numbers by measures do not go by the events of the runs. They follow from failed volume, plastic work and "
+        "released energy of the plan's own run, and from a part that goes on without mining, by laws of the recorded "
+        f"steps. Of the measures, {name} has forecast the recorded steps best (weight {percent(weights[best])}). "
+        "Chances do not contain these numbers."
+    )
 
 
 def _largest(plan: PlanSummary, size: float) -> str:

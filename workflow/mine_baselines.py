@@ -66,6 +66,11 @@ class MineBaselines:
         names = ["elastic", *(f"steps/{step}" for step in self.mine.mined_steps)]
         return [f"results/{self.mine.name}/{ELASTIC_ROCK}/{name}.nc" for name in names]
 
+    def own_states(self) -> list[str]:
+        """States of the mine itself that measures follow from: of the dated steps, and the one before them."""
+        names = ["elastic", *(f"steps/{step}" for step in self.mine.mined_steps)]
+        return [f"results/{self.mine.name}/{name}.nc" for name in names[-len(self.mine.dated_steps) - 1 :]]
+
     def tell_cost(self) -> None:
         """Print once, to stderr, which jobs the page needs that are not made yet, and about how long they take.
 
@@ -114,7 +119,7 @@ class MineBaselines:
         self.tell_cost()
         planned = [entry.name for entry in self.mine.excavations if self.mine.step_index(entry.step) < 0]
         compared = {key: value for key, value in self.mine.comparison_slice().items() if key != "members"}
-        since = self.settings.since
+        since, complete_above = self.settings.since, self.settings.complete_above
         return {
             "mine": self.mine.name,
             "comparison": compared,
@@ -122,7 +127,19 @@ class MineBaselines:
             "flaws": self.flaws_slice(),
             "box": self._box(),
             **({"since": since} if since else {}),
+            **({"complete_above": complete_above} if complete_above is not None else {}),
+            **(self._place() if self.has_place else {}),
         }
+
+    @property
+    def has_place(self) -> bool:
+        """True if the mine has a place on Earth, which forecasts for pyCSEP need."""
+        return self.mine.settings.frame.has_place
+
+    def _place(self) -> dict:
+        """Place of the mine on Earth, and top and bottom of its domain, m below sea level."""
+        domain = self.mine.settings.domain
+        return {"frame": self.mine.settings.frame.given(), "depths": [-domain.upper[2], -domain.lower[2]]}
 
     def _box(self) -> list[list[float]]:
         """Lower and upper corner in plan of the box that the record is taken from, within the domain, m."""

@@ -160,6 +160,11 @@ class PlanOutcomes:
             return []
         return [{"kind": one["kind"], "events": one["events"]} for one in self._run_files(MINE_FILE_PLAN)]
 
+    def _recorded_states(self) -> list[str]:
+        """States of the mine's own run in its dated steps, if it has a record."""
+        place = self.folders.place_of(MINE_FILE_PLAN)
+        return self._results(place, "steps") if self.files.has_record else []
+
     def _compared_runs(self, plan: str) -> list[dict]:
         """Runs of the other plans, each plan's own first. Plans may share files of events."""
         others = [other for other in self.checked_names if other != plan]
@@ -175,7 +180,7 @@ class PlanOutcomes:
         for run in runs:
             is_coarse = run["kind"] == "coarse"
             found += [os.path.dirname(path) if is_coarse else path for path in run.get("states", ())]
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys([*found, *self._recorded_states()]))
 
     def grid(self, plan: str) -> str:
         """The grid of a plan's own run."""
@@ -187,6 +192,7 @@ class PlanOutcomes:
         hazard = self.mine.settings.hazard.given()
         differs = self.differs_in(plan)
         recorded, compared = self._recorded_runs(), self._compared_runs(plan)
+        states = self._recorded_states()
         return {
             "mine": mine.name,
             "plan": plan,
@@ -200,6 +206,7 @@ class PlanOutcomes:
             **({"compared_runs": compared} if compared else {}),
             **({"recorded_steps": self.mine.comparison_slice()["steps"]} if recorded else {}),
             **({"recorded_runs": recorded} if recorded else {}),
+            **({"recorded_states": states} if states else {}),
         }
 
     def shaking_slice(self, plan: str) -> dict:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from baselines.models import Counted
-from baselines.months import MonthMaps, Periods, Places, line_places, move, nuisances
+from baselines.month_maps import MonthMaps, Periods, Places, line_places, move, nuisances
 from catalogs.compare.face import Face
 from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.settings import FacePosition

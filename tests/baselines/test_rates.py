@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from baselines.months import Periods, Places, n_test, step_rates
+from baselines.month_maps import Periods, Places
+from baselines.months import n_test, step_rates
 from catalogs.compare.face import Face
 from catalogs.settings import FacePosition
 

@@ -210,7 +210,9 @@ def test_page_and_table_need_nothing_else(found, tmp_path, kind):
     write_table(tmp_path / "scores.csv", shown)
     page = (tmp_path / "report.html").read_text()
     assert ("The record is a twin" in page) == (kind == "twin")
-    assert page.count("<img") == page.count("data:image/svg+xml") == 1
+    assert page.count("<img") == page.count("data:image/svg+xml") == 2
+    assert "of the rock on alert, the map with the largest area skill" in page
+    assert "Forecasts for pyCSEP need a place on Earth" in page
     assert "input, not scored" in page
     assert "radii of 1 to 12 m" in page
     assert "gives no <code>face</code>" in page
@@ -223,7 +225,7 @@ def test_page_and_table_need_nothing_else(found, tmp_path, kind):
     assert float(rows[5]["events"]) == pytest.approx(len(found.models[1].counted.place) / 4)
 
 
-def months_of(shown, steps=STEPS, **given):
+def months_of(shown, steps=STEPS, complete_above=None, **given):
     """Months beside a made-up mine whose record begins with its first step."""
     values = {
         "mine": "made_up",
@@ -231,6 +233,7 @@ def months_of(shown, steps=STEPS, **given):
         "flaws": FLAWS.given(),
         "box": [[-100.0, -100.0], [200.0, 200.0]],
     }
+    values |= {} if complete_above is None else {"complete_above": complete_above}
     return compare_with_months(shown, shown.record, 2.0, BaselineReportSlice.of(values))
 
 
@@ -275,6 +278,23 @@ def test_a_record_without_earlier_months_says_what_to_give(found):
     models = (replace(shown.models[0], comparison=comparison), *shown.models[1:])
     (line,) = sentences(months_of(replace(shown, models=models), STEPS[:1]))
     assert "Give baselines.since" in line
+
+
+def test_recorded_events_count_from_where_the_record_is_complete(found):
+    """In maps and numbers, whatever the cut of the comparison; the scores of the models keep the latter."""
+    own = months_of(found)
+    sizes = found.record["potency"].values
+    larger = float(np.quantile(sizes, 0.7))
+    for complete_above in (larger, float(sizes.min())):
+        months = months_of(found, complete_above=complete_above)
+        expected = int((sizes >= complete_above).sum())
+        assert len(months.maps.step) == len(months.maps.record.time) == expected
+        assert sum(row.number for row in months.rates) == months.numbers.number.sum() == expected
+        assert len(months.maps.cluster) == len(months.maps.deviation) == expected
+    cut = 10.0 ** float(found.models[0].comparison["cut"])
+    same = months_of(found, complete_above=cut)
+    np.testing.assert_allclose(same.scores.gain, own.scores.gain)
+    np.testing.assert_array_equal(same.maps.cluster, own.maps.cluster)
 
 
 @pytest.mark.parametrize("missing", [("Seeded flaws",), ("Seeded flaws", "Excess shear stress")])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from elk_creek_fixtures import recorded_data, write_tiny_mine
 
-from baselines.months import MonthMaps, Periods, Places
+from baselines.month_maps import MonthMaps, Periods, Places
 from catalogs.compare.face import Face
 from catalogs.records import elk_creek_reader as record
 from catalogs.settings import FacePosition, FaceSettings

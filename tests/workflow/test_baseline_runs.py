@@ -79,6 +79,19 @@ def test_what_stages_are_given_follows_from_the_mine_file(tmp_path):
     assert "members" not in mine_baselines.report_slice()["comparison"]
 
 
+def test_forecasts_for_pycsep_need_a_place_on_earth(tmp_path):
+    """The stage gets frame and depths below sea level of a mine that has one."""
+    without = baselines_of(changed(TINY, frame={"surface": TINY["frame"]["surface"]}), tmp_path)
+    assert not without.has_place
+    assert BaselineReportSlice.of(without.report_slice()).frame is None
+    located = baselines_of(TINY, tmp_path)
+    assert located.has_place
+    settings = BaselineReportSlice.of(located.report_slice())
+    assert settings.frame.latitude == TINY["frame"]["latitude"]
+    lower, upper = (float(TINY["domain"][key][2].split()[0]) for key in ("lower", "upper"))
+    assert settings.depths == (-upper, -lower)
+
+
 def test_a_rock_without_friction_angle_needs_one(tmp_path):
     """Hoek-Brown's curve has none; with both keys it has flaws all the same."""
     mine = changed(TINY, **{"materials.host": HOEK_BROWN})
@@ -114,7 +127,7 @@ def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     ]
     given = {
         "record.filter": {"lower": ["10 m", "-1 km", "10 m"], "start": "2019-08-05", "end": "2019-08-20"},
-        "baselines": {"since": "2019-07-01"},
+        "baselines": {"since": "2019-07-01", "complete_above": "10 mm^3"},
     }
     mine_baselines = baselines_of(changed(TINY, **given), tmp_path)
     assert mine_baselines.earlier_record() == "results/tiny/baselines/record.nc"
@@ -123,6 +136,7 @@ def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     assert slice_["filter"] == {"lower": [10.0, -1000.0, 10.0], "end": "2019-08-20"}
     assert mine_baselines.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
     assert mine_baselines.report_slice()["since"] == "2019-07-01"
+    assert mine_baselines.report_slice()["complete_above"] == pytest.approx(1e-8)
 
 
 def test_the_cost_of_baselines_is_told_once_before_they_run(tmp_path, monkeypatch, capsys):
@@ -266,4 +280,13 @@ def test_baselines_of_the_tiny_mine(spoiled, base):
         (rates,) = csv.DictReader(file)
     assert float(rates["metres"]) == pytest.approx(30.0)
     assert float(rates["expected events, all earlier by metres"]) > 0.0
+    with open(results / "baselines/alerts.csv") as file:
+        skills = {row["map"]: float(row["area skill score"]) for row in csv.DictReader(file) if row["step"] == "all"}
+    assert set(skills) == set(gains) - {"ceiling"}
+    assert all(0.0 <= skill <= 1.0 for skill in skills.values())
+    forecasts = sorted((results / "baselines/csep").glob("*.dat"))
+    assert [path.name for path in forecasts if path.name.startswith("last_")] == ["last_2019-08.dat"]
+    for path in forecasts:
+        expected = float(rates["expected events, all earlier by metres"])
+        assert np.loadtxt(path)[:, -2].sum() == pytest.approx(expected, rel=1e-4)
     assert "face_measure" in xr.open_dataset(results / "comparison.nc")

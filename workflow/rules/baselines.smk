@@ -90,13 +90,18 @@ rule baselines:
             earlier=MINE_BASELINES.earlier_record(),
             comparison=FILES.own("comparison.nc"),
             members=FILES.member_events(),
+            states=lambda wildcards: MINE_BASELINES.own_states(),
         ),
     output:
         page=f"{BASELINE_RESULTS}/report.html",
         table=f"{BASELINE_RESULTS}/scores.csv",
         months=f"{BASELINE_RESULTS}/months.csv",
         rates=f"{BASELINE_RESULTS}/rates.csv",
+        alerts=f"{BASELINE_RESULTS}/alerts.csv",
         figure=f"{BASELINE_RESULTS}/events.svg",
+        alert_figure=f"{BASELINE_RESULTS}/alerts.svg",
+        number_figure=f"{BASELINE_RESULTS}/numbers.svg",
+        csep=[directory(f"{BASELINE_RESULTS}/csep")] if MINE_BASELINES.has_place else [],
     log:
         f"{BASELINE_LOGS}/report.log",
     conda:

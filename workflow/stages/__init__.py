@@ -32,7 +32,7 @@ IMPORTS = {  # packages that the code of a package uses
     "catalogs": ("common",),
     "calibration": ("catalogs", "common", "seismic"),
     "baselines": ("catalogs", "common", "mpm_core"),
-    "plans": ("catalogs", "common"),
+    "plans": ("baselines", "catalogs", "common"),
     "response": ("catalogs", "common", "mpm_core"),
     "export": ("catalogs", "common", "mpm_core"),
     "shaking": ("catalogs", "common"),

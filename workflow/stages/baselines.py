@@ -55,4 +55,7 @@ def baselines(job: Job) -> None:
         table=job.output("scores.csv"),
         months=job.output("months.csv"),
         rates=job.output("rates.csv"),
+        alerts=job.output("alerts.csv"),
+        states=job.paths("states"),
+        csep=job.output("csep") if job.writes("csep") else None,
     )

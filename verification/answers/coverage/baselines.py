@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from baselines.map_scores import adjusted
 from baselines.models import Counted, score_places
-from baselines.months import Periods, Places, step_rates
+from baselines.month_maps import Periods, Places
+from baselines.months import step_rates
 from catalogs.compare.exposure import Exposure
 from catalogs.compare.locations import box_around, information_gain
 from verification.answers.coverage.shares import Coverage, alarm_row
