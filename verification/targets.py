@@ -182,7 +182,10 @@ MEASURING = {  # By the name of the target.
 }
 BY_RULE_CASE = [target for target, measuring in MEASURING.items() if measuring.memory]
 # Packages that answers and cases measure.
-MODEL = ("common", "mpm_core", "seismic", "catalogs", "baselines", "calibration", "plans", "shaking", "workflow")
+MODEL = (
+    *("common", "mpm_core", "seismic", "catalogs", "baselines", "calibration", "plans", "response", "shaking"),
+    "workflow",
+)
 SHARED = ("comparisons.py", "results.py", "rows.py", "scenes.py", "studies.py")  # Modules of verification.
 
 

@@ -45,10 +45,10 @@ def test_shape_functions_take_any_linear_field(dimension, seed):
         generator.random((5, 1, 1)) < 0.7
     )
     place = np.einsum(
-        "nc,ncd->nd", shape_functions(generator.random((5, dimension)), np.tile(bits, (5, 1, 1))), corners
+        "nc,nci->ni", shape_functions(generator.random((5, dimension)), np.tile(bits, (5, 1, 1))), corners
     )
     slope, shift = generator.normal(size=(dimension, dimension)), generator.normal(size=dimension)
-    found = np.einsum("nc,ncd->nd", shape_functions(place, corners), corners @ slope + shift)
+    found = np.einsum("nc,nci->ni", shape_functions(place, corners), corners @ slope + shift)
     np.testing.assert_allclose(found, place @ slope + shift, atol=1e-5)
     np.testing.assert_allclose(shape_functions(place, corners).sum(axis=1), 1.0)
 

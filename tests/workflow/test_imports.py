@@ -20,6 +20,7 @@ PACKAGES = (
     "calibration",
     "baselines",
     "plans",
+    "response",
     "export",
     "shaking",
     "workflow",
