@@ -26,7 +26,7 @@ FIELDS = (
     Field("depth_largest", ROWS, np.float64, "m", "largest depth of failure, along the wall's normal"),
     Field("depth_p90", ROWS, np.float64, "m", "depth of failure that nine tenths of the wall do not exceed"),
     Field("depth_mean", ROWS, np.float64, "m", "mean depth of failure over the wall"),
-    Field("through_share", ROWS, np.float64, "1", "share of the wall whose failed rock reaches another opening"),
+    Field("through_share", ROWS, np.float64, "1", "share of the wall whose failed rock meets another opening, or its"),
     Field("failed_volume", ROWS, np.float64, "m3", "volume of the failed rock to which this wall is nearest"),
     Field("failed_volume_step", ROWS, np.float64, "m3", "part of it that failed in this step"),
     Field("closure_largest", ROWS, np.float64, "m", "largest closure of opposite walls since they were mined"),

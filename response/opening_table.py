@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from common.opening_table import ALL, FIELDS, SIDES
 from response.rock import Rock
@@ -70,14 +71,12 @@ def measure(
     virgin (point,) Pa: largest virgin compression at the walls. moved_before (point, xyz) m: displacement of the walls
     before they were mined. number: index of the step. modelled, recorded (k, xyz) m: events of the step.
     """
-    import scipy.spatial
-
-    behind, state, count = look_behind(rock, walls), rock.state, len(walls)
+    state, count, tree = rock.state, len(walls), cKDTree(walls.place)
+    behind = look_behind(rock, walls, tree)
     moved = wall_displacement(rock, walls) - moved_before
     chords = find_chords(rock, walls, float(np.linalg.norm(np.ptp(walls.place, axis=0))) + rock.edge)
     closed = np.full(count, np.nan)
     closed[chords.wall] = closure(chords, moved)
-    tree = scipy.spatial.cKDTree(walls.place)
     lost = np.flatnonzero(rock.failed & (state["volume"].values > 0.0) & (state["excavation"].values < 0))
     nearest, volume = _nearest(tree, state["position"].values[lost]), state["volume"].values[lost]
     now = state["failed"].values[lost] == number if len(lost) else np.zeros(0, bool)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from common.opening_table import SIDES
 from response.rock import FAILED, INTACT, MINED, OUTSIDE, Rock
@@ -23,34 +24,40 @@ def standing(rock: Rock, walls: Walls) -> NDArray:
 
 @dataclass(frozen=True)
 class Behind:
-    """What lies behind points of walls. depth (point,) m of failed rock; through (point,) bool: it reaches another
-    opening; particle (point,): the first intact one behind it, -1 where there is none."""
+    """What lies behind points of walls. depth (point,) m of failed rock; through (point,) bool: it meets another
+    opening, or failed rock that is nearer to one; particle (point,): the first intact one behind it, -1 for none."""
 
     depth: NDArray
     through: NDArray
     particle: NDArray
 
 
-def look_behind(rock: Rock, walls: Walls) -> Behind:
+def look_behind(rock: Rock, walls: Walls, tree: cKDTree) -> Behind:
     """Follow the normal of each wall into the rock, by STEP, until intact rock is MAX_GAP deep.
 
-    Failed rock within MAX_GAP of the wall, or of failed rock nearer to it, belongs to the depth of failure: it ends
-    where the last of it ends. A cell fails as a whole, so a single depth is known to half a cell.
+    tree: of the places of the walls. Failed rock within MAX_GAP of the wall, or of failed rock nearer to it, belongs to
+    the depth of failure: it ends where the last of it ends, or where another excavation is nearer. A cell fails as a
+    whole, so a single depth is known to half a cell.
     """
     count = len(walls)
     depth, through, particle = np.zeros(count), np.zeros(count, bool), np.full(count, -1)
     step, going, number = STEP * rock.edge, np.arange(count), 0
     while len(going):
         away = (number + 0.5) * step
-        what, here = rock.what(walls.place[going] + away * walls.normal[going])
+        place = walls.place[going] + away * walls.normal[going]
+        what, here = rock.what(place)
         failed, intact = what == FAILED, what == INTACT
-        depth[going[failed]] = (number + 1) * step
+        found = np.flatnonzero(failed)
+        other = np.zeros(len(going), bool)
+        other[found] = walls.excavation[tree.query(place[found])[1]] != walls.excavation[going[found]]
+        depth[going[failed & ~other]] = (number + 1) * step
         particle[going[failed]] = -1
         first = intact & (particle[going] < 0)
         particle[going[first]] = here[first]
         opened = (what == MINED) & (away > INTO_ROCK * rock.edge)
-        through[going[opened]] = depth[going[opened]] > 0.0
-        ended = opened | (what == OUTSIDE) | (intact & ((number + 1) * step - depth[going] > MAX_GAP * rock.edge))
+        through[going[opened | other]] = depth[going[opened | other]] > 0.0
+        ended = opened | other | (what == OUTSIDE)
+        ended |= intact & ((number + 1) * step - depth[going] > MAX_GAP * rock.edge)
         going, number = going[~ended], number + 1
     return Behind(depth, through & (particle < 0), particle)
 
@@ -85,8 +92,6 @@ def find_chords(rock: Rock, walls: Walls, reach: float) -> Chords:
     A wall is paired with the nearest point of a wall of its own excavation, within a finest cell of the place where its
     chord leaves the void.
     """
-    import scipy.spatial
-
     roof, wall = SIDES.index("roof"), SIDES.index("walls")
     direction = -walls.normal.copy()
     direction[walls.side == roof] = -walls.up[walls.side == roof]
@@ -106,7 +111,7 @@ def find_chords(rock: Rock, walls: Walls, reach: float) -> Chords:
         going, number = going[inside], number + 1
     found = np.flatnonzero(np.isfinite(end))
     target = walls.place[chosen[found]] + end[found, None] * direction[found]
-    tree = scipy.spatial.cKDTree(walls.place)
+    tree = cKDTree(walls.place)
     apart, opposite = tree.query(target, distance_upper_bound=rock.edge)
     opposite = np.where(np.isfinite(apart), opposite, 0)
     facing = np.einsum("pi,pi->p", walls.normal[opposite], direction[found]) > 0.5

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 from small_mines import CELL, load, moved_by, rock_of, states_of, with_failed
 
 from common.opening_table import ALL, FIELDS, SIDES
@@ -112,7 +113,7 @@ def test_depth_of_failure_is_that_of_a_ring(drive, depth):
     _, grid, state, walls = drive
     rock = rock_of(grid, with_failed(state, from_axis(state["position"].values) < 3.0 + depth))
     middle = walls.at(np.flatnonzero((np.abs(walls.place @ AXIS) < 8.0) & (walls.side != SIDES.index("face"))))
-    found = look_behind(rock, middle)
+    found = look_behind(rock, middle, cKDTree(middle.place))
     assert np.abs(found.depth - depth).max() <= 1.5 * CELL
     assert np.average(found.depth, weights=middle.area) == pytest.approx(depth, abs=0.35 * CELL)
     assert not found.through.any()
@@ -124,7 +125,21 @@ def test_failed_rock_that_does_not_touch_a_wall_is_not_its_own(drive):
     _, grid, state, walls = drive
     distance = from_axis(state["position"].values)
     rock = rock_of(grid, with_failed(state, (distance > 6.0) & (distance < 8.0)))
-    assert look_behind(rock, walls).depth.max() == 0.0
+    assert look_behind(rock, walls, cKDTree(walls.place)).depth.max() == 0.0
+
+
+def test_failed_rock_between_two_openings_is_shared(tmp_path):
+    """A pillar of 4 m that has failed through: each side has its half, and says that it meets the other."""
+    west = {"name": "west", "shape": "box", "lower": ["-8 m", "-4 m", "-3 m"], "upper": ["-2 m", "4 m", "3 m"]}
+    east = {"name": "east", "shape": "box", "lower": ["2 m", "-4 m", "-3 m"], "upper": ["8 m", "4 m", "3 m"]}
+    mine = load(tmp_path, [west, east])
+    grid, state = states_of(mine, tmp_path)
+    rock = rock_of(grid, with_failed(state, np.abs(state["position"].values[:, 0]) < 2.0))
+    walls = sample_walls(grid, [None, None])
+    pillar = np.flatnonzero((np.abs(np.abs(walls.place[:, 0]) - 2.0) < 0.01) & (np.abs(walls.place[:, 1]) < 3.0))
+    found = look_behind(rock, walls, cKDTree(walls.place))
+    np.testing.assert_allclose(found.depth[pillar], 2.0, atol=0.3)
+    assert found.through[pillar].all()
 
 
 def table_of(mine, grid, states, events=None, recorded=None):
