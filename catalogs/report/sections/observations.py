@@ -24,9 +24,9 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class InstrumentLine:
-    """An instrument: its quantities, edge of the cell (m), whether rock failed there, the number of readings that are
-    compared, their root-mean-square misfit with its 95 % interval, in its unit, and the share of readings within the
-    95 % of both errors together; NaN without readings."""
+    """An instrument: its quantities, largest cell (m) and whether rock has failed there after the last step, the number
+    of readings that are compared, their root-mean-square misfit with its 95 % interval, in its unit, and the share of
+    readings within the 95 % of both errors together; NaN without readings."""
 
     name: str
     quantity: str
@@ -58,6 +58,8 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
 def instrument_line(table: xr.Dataset, name: str) -> InstrumentLine:
     """The line of an instrument."""
     own = _of(table, name)
+    last = own[table["step"].values[own] == table["step"].values[own[-1]]]
+    cells = table["cell"].values[last]
     quantities = list(dict.fromkeys(str(one) for one in table["quantity"].values[own]))
     off = table["measured"].values[own] - table["modelled"].values[own]
     known = np.isfinite(off)
@@ -67,8 +69,8 @@ def instrument_line(table: xr.Dataset, name: str) -> InstrumentLine:
     within = float(np.mean(np.abs(off[known]) <= STATED_AS_95 * both[known])) if count else np.nan
     return InstrumentLine(
         name, quantities[0] if len(quantities) == 1 else f"{len(quantities)} components",
-        str(table["unit"].values[own[0]]), float(np.nanmax(table["cell"].values[own], initial=-np.inf)),
-        bool(table["failed"].values[own].any()), count, misfit, misfit_interval(misfit, count), within,
+        str(table["unit"].values[own[0]]), float(np.nanmax(cells)) if np.isfinite(cells).any() else np.nan,
+        bool(table["failed"].values[last].any()), count, misfit, misfit_interval(misfit, count), within,
     )  # fmt: skip
 
 
@@ -94,17 +96,11 @@ def _curves(evidence: Evidence, names: list[str]) -> Figure:
     panels = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for panel, name in zip(panels, names, strict=False):
         own = _of(table, name)
-        keys = list(
-            dict.fromkeys(zip(table["quantity"].values[own], table["distance"].values[own].tolist(), strict=True))
-        )
-        for number, (quantity, distance) in enumerate(_spread(keys)):
-            same = table["quantity"].values[own] == quantity
-            at = table["distance"].values[own]
-            chosen = own[same & ((at == distance) | (np.isnan(at) & np.isnan(distance)))]
+        curves = _curves_of(table, own)
+        for number, (label, chosen) in enumerate(_spread(curves)):
             place = np.array([steps.index(str(step)) for step in table["step"].values[chosen]])
             value, error = table["modelled"].values[chosen], table["modelled_error"].values[chosen]
             colour = f"C{number}"
-            label = f"{distance:g} m" if np.isfinite(distance) else str(quantity)
             panel.plot(place, value, color=colour, linewidth=1.2, marker=".", markersize=3, label=label)
             panel.fill_between(place, value - error, value + error, color=colour, alpha=0.15, linewidth=0)
             reading = table["measured"].values[chosen]
@@ -112,18 +108,29 @@ def _curves(evidence: Evidence, names: list[str]) -> Figure:
         panel.set_title(name, loc="left")
         panel.set_ylabel(str(table["unit"].values[own[0]]))
         panel.set_xticks(*_ticks(steps), rotation=30, ha="right")
-        if len(keys) > 1:
+        if len(curves) > 1:
             panel.legend(fontsize="x-small", ncols=2)
     for panel in panels[len(names) :]:
         panel.set_axis_off()
     return figure
 
 
-def _spread(keys: list[tuple]) -> list[tuple]:
+def _curves_of(table: xr.Dataset, own: NDArray) -> list[tuple[str, NDArray]]:
+    """Label and rows of each curve of an instrument: of stress the principal compressions, along a line the major one;
+    else each component, or each distance."""
+    quantity, distance = table["quantity"].values[own].astype(str), table["distance"].values[own]
+    shown = [one for one in dict.fromkeys(quantity.tolist()) if not one.startswith("stress ")]
+    if np.isfinite(distance).any():
+        of_line = quantity == shown[0]
+        return [(f"{one:g} m", own[of_line & (distance == one)]) for one in np.unique(distance[of_line])]
+    return [(one, own[quantity == one]) for one in shown]
+
+
+def _spread(curves: list[tuple[str, NDArray]]) -> list[tuple[str, NDArray]]:
     """At most MAX_CURVES of the curves, from the first to the last at equal distances."""
-    if len(keys) <= MAX_CURVES:
-        return keys
-    return [keys[place] for place in np.linspace(0, len(keys) - 1, MAX_CURVES).astype(int)]
+    if len(curves) <= MAX_CURVES:
+        return curves
+    return [curves[place] for place in np.linspace(0, len(curves) - 1, MAX_CURVES).astype(int)]
 
 
 def _ticks(steps: list[str]) -> tuple[list[int], list[str]]:
