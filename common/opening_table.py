@@ -27,7 +27,13 @@ FIELDS = (
     Field("depth_p90", ROWS, np.float64, "m", "depth of failure that nine tenths of the wall do not exceed"),
     Field("depth_mean", ROWS, np.float64, "m", "mean depth of failure over the wall"),
     Field("through_share", ROWS, np.float64, "1", "share of the wall whose failed rock meets another opening, or its"),
-    Field("failed_volume", ROWS, np.float64, "m3", "volume of the failed rock to which this wall is nearest"),
+    Field(
+        "failed_volume",
+        ROWS,
+        np.float64,
+        "m3",
+        "volume of failed rock that has not fallen and to which this wall is nearest",
+    ),
     Field("failed_volume_step", ROWS, np.float64, "m3", "part of it that failed in this step"),
     Field("closure_largest", ROWS, np.float64, "m", "largest closure of opposite walls since they were mined"),
     Field("closure_median", ROWS, np.float64, "m", "median closure of opposite walls since they were mined"),
@@ -36,7 +42,9 @@ FIELDS = (
     Field("major_stress_change", ROWS, np.float64, "MPa", "what it has changed by since virgin rock"),
     Field("strength_factor", ROWS, np.float64, "1", "least strength over stress of the first intact rock"),
     Field("events_modelled", ROWS, np.int64, "1", "modelled events of the step to which this wall is nearest"),
-    Field("events_recorded", ROWS, np.int64, "1", "recorded events of the step's dates to which this wall is nearest"),
+    Field(
+        "events_recorded", ROWS, np.float64, "1", "recorded events of the step's dates to which this wall is nearest"
+    ),
 )
 
 

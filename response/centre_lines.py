@@ -5,11 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse
+import scipy.spatial
 import xarray as xr
 from numpy.typing import NDArray
 
-MIN_SLENDERNESS = 4.0  # Length over width from which an excavation counts as a drive.
+from response.settings import MIN_SLENDERNESS
+
 WIDTHS_PER_POINT = 1.0  # Distance of the points of a line that is found from cells, in widths of the drive.
+SAMPLES_PER_STRETCH = 8  # Points of a line by which the nearest stretch is looked for, on average.
+SAMPLES_TRIED = 12
+MAX_OFF_LINE = 1.0  # Widths of a drive that its cells are off its line at most: branches and rings have none.
 MIN_SHARE = 0.5  # Of a finest cell that is part of a drive.
 
 
@@ -26,22 +31,26 @@ class CentreLine:
 
     def project(self, place: NDArray) -> tuple[NDArray, NDArray]:
         """Chainage (n,) m of the nearest point of the line, which ends where it ends, and the direction (n, xyz) of
-        the stretch there, of points (n, xyz) m."""
+        the stretch there, of points (n, xyz) m. Stretches are tried that have one of the nearest SAMPLES_TRIED of
+        evenly spaced points of the line."""
         start, stretch = self.point[:-1], np.diff(self.point, axis=0)
         length = np.linalg.norm(stretch, axis=1)
         along = stretch / length[:, None]
         before = np.append(0.0, np.cumsum(length)[:-1])
-        chainage, direction = np.zeros(len(place)), np.zeros((len(place), 3))
-        nearest = np.full(len(place), np.inf)
-        for index in range(len(start)):
-            off = place - start[index]
-            on_line = np.clip(off @ along[index], 0.0, length[index])
-            distance = np.linalg.norm(off - on_line[:, None] * along[index], axis=1)
-            closer = distance < nearest
-            nearest[closer] = distance[closer]
-            chainage[closer] = before[index] + on_line[closer]
-            direction[closer] = along[index]
-        return chainage, direction
+        samples = (
+            (np.arange(SAMPLES_PER_STRETCH * len(start)) + 0.5) / (SAMPLES_PER_STRETCH * len(start)) * length.sum()
+        )
+        owner = np.searchsorted(before, samples, side="right") - 1
+        middles = start + 0.5 * stretch  # and those of stretches so short that they have no sample
+        tree = scipy.spatial.cKDTree(np.concatenate([self.at(samples), middles]))
+        count = min(SAMPLES_TRIED, tree.n)
+        near = np.concatenate([owner, np.arange(len(start))])[tree.query(place, count)[1].reshape(len(place), count)]
+        off = place[:, None] - start[near]
+        on_line = np.clip(np.einsum("nki,nki->nk", off, along[near]), 0.0, length[near])
+        distance = np.linalg.norm(off - on_line[:, :, None] * along[near], axis=2)
+        row, best = np.arange(len(place)), distance.argmin(axis=1)
+        found = near[row, best]
+        return before[found] + on_line[row, best], along[found]
 
     def at(self, chainage: NDArray) -> NDArray:
         """Points (n, xyz) m of the line at chainages (n,) m."""
@@ -54,7 +63,7 @@ def centre_lines(grid: xr.Dataset, paths: Sequence[NDArray | None]) -> list[Cent
     """Centre line of each excavation that is a drive, in the order of grid.nc; None for others.
 
     paths: points along each excavation that the mine file gives, None where it gives none. An excavation without one is
-    a drive if it is MIN_SLENDERNESS times as long as wide, and no loop.
+    a drive if it is MIN_SLENDERNESS times as long as wide or high, and has no branches.
     """
     lines: list[CentreLine | None] = []
     for index, path in enumerate(paths):
@@ -99,13 +108,16 @@ def _line_of_cells(grid: xr.Dataset, excavation: int) -> CentreLine | None:
     means: NDArray = points[size > 0] / size[size > 0][:, None]
     points = np.concatenate([[2 * means[0] - means[1]], means, [2 * means[-1] - means[-2]]])  # to the ends
     points[0], points[-1] = 0.5 * (points[0] + points[1]), 0.5 * (points[-1] + points[-2])
-    return CentreLine(points if tuple(points[0]) < tuple(points[-1]) else points[::-1].copy())
+    line = CentreLine(points if tuple(points[0]) < tuple(points[-1]) else points[::-1].copy())
+    chainage, _ = line.project(middle)
+    off = np.linalg.norm(middle - line.at(chainage), axis=1)
+    across = 2.0 * float(off.max()) + edge  # a flat body is as wide as it reaches from its line
+    is_drive = line.length >= MIN_SLENDERNESS * across and across <= 2.0 * MAX_OFF_LINE * width + edge
+    return line if is_drive else None
 
 
 def _neighbours(cell: NDArray) -> scipy.sparse.csr_matrix:
     """Graph of cells (cell, xyz) that touch, weighted by the distance of their middles, in cells."""
-    import scipy.spatial
-
     pairs = scipy.spatial.cKDTree(cell).query_pairs(1.8, output_type="ndarray")  # faces, edges and corners: sqrt(3)
     apart = np.linalg.norm((cell[pairs[:, 0]] - cell[pairs[:, 1]]).astype(float), axis=1)
     return scipy.sparse.csr_matrix((apart, (pairs[:, 0], pairs[:, 1])), shape=(len(cell), len(cell)))

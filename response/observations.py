@@ -79,20 +79,23 @@ def _rows(instrument: Instrument, found: list[Values], steps: list[dict]) -> Ite
     if instrument.file is not None:
         measured = at_steps(read_readings(instrument, instrument.name), steps, instrument.since)
         reading_error = scale * instrument.reading_error()
-    skip = 1 if instrument.quantity == EXTENSION else 0  # the collar
+        if instrument.since is not None:  # the difference of two readings
+            reading_error *= np.sqrt(2.0)
+    skip, closes = instrument.quantity == EXTENSION, instrument.quantity == CLOSURE  # both need two points
     for quantity, value, error in _modelled(instrument, found):
         if first is not None:
             value, error = value - value[first], np.hypot(error, error[first])
             value[:first] = np.nan
+            error = np.where(np.isfinite(value), error, np.nan)
         for place, distance in enumerate(distances):
             for number, step in enumerate(steps):
                 last = found[number]
-                at = min(place + skip, len(last.cell) - 1)
+                used = [0, place + 1] if skip else range(len(last.cell)) if closes else [place]
                 reading = scale * measured[number, place]
                 yield (
                     instrument.name, quantity, float(distance), step["name"], unit, scale * value[number, place],
                     scale * error[number, place], reading, reading_error if np.isfinite(reading) else np.nan,
-                    float(last.cell[at]), int(last.failed[at]),
+                    float(np.max(last.cell[used])), int(last.failed[used].any()),
                 )  # fmt: skip
 
 

@@ -64,12 +64,19 @@ class Measured:
 
 
 def measure(
-    rock: Rock, virgin: NDArray, walls: Walls, moved_before: NDArray, number: int, modelled: NDArray, recorded: NDArray
+    rock: Rock,
+    virgin: NDArray,
+    walls: Walls,
+    moved_before: NDArray,
+    number: int,
+    modelled: NDArray,
+    recorded: NDArray | None,
 ) -> Measured:
     """What the walls (point,) that stand after a step show of the rock; at least one.
 
     virgin (point,) Pa: largest virgin compression at the walls. moved_before (point, xyz) m: displacement of the walls
-    before they were mined. number: index of the step. modelled, recorded (k, xyz) m: events of the step.
+    before they were mined. number: index of the step. modelled, recorded (k, xyz) m: events of the step; None where
+    there is no record of it.
     """
     state, count, tree = rock.state, len(walls), cKDTree(walls.place)
     behind = look_behind(rock, walls, tree)
@@ -82,8 +89,8 @@ def measure(
     now = state["failed"].values[lost] == number if len(lost) else np.zeros(0, bool)
     stress, factor = np.full(count, np.nan), np.full(count, np.nan)
     intact = np.flatnonzero(behind.particle >= 0)
-    stress[intact] = -rock.principal(behind.particle[intact])[:, 0] / 1e6
-    factor[intact] = state["strength_factor"].values[behind.particle[intact]]
+    principal, factor[intact] = rock.stress_of_cells(behind.particle[intact])
+    stress[intact] = -principal[:, 0] / 1e6
     return Measured(
         depth=behind.depth,
         through=behind.through,
@@ -95,7 +102,7 @@ def measure(
         change=stress - virgin / 1e6,
         factor=factor,
         modelled=np.bincount(_nearest(tree, modelled), minlength=count),
-        recorded=np.bincount(_nearest(tree, recorded), minlength=count),
+        recorded=np.full(count, np.nan) if recorded is None else np.bincount(_nearest(tree, recorded), minlength=count),
     )
 
 
@@ -155,7 +162,7 @@ def _values(walls: Walls, found: Measured, own: NDArray) -> tuple:
         _mean(found.change[own], area),
         float(np.nanmin(factor)) if np.isfinite(factor).any() else np.nan,
         int(found.modelled[own].sum()),
-        int(found.recorded[own].sum()),
+        float(found.recorded[own].sum()),
     )
 
 

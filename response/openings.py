@@ -43,10 +43,10 @@ def openings_table(
     grid: xr.Dataset,
     states: Iterable[xr.Dataset],
     events: Iterable[NDArray],
-    recorded: Iterable[NDArray],
+    recorded: Iterable[NDArray | None],
 ) -> xr.Dataset:
     """The table of openings after each step. states: of the steps, in order; events, recorded: locations
-    (n, xyz) m of the modelled and the recorded events of each."""
+    (n, xyz) m of the modelled and the recorded events of each, None where there is no record."""
     names = json.loads(grid.attrs["excavation_names"])
     steps = [step.name for step in settings.steps]
     entries = {entry.name: entry for entry in settings.excavations}
@@ -87,9 +87,9 @@ def _resolved(events: xr.Dataset) -> NDArray:
     return events["location"].values[events["resolved"].values > 0]
 
 
-def _recorded(steps: tuple[OpeningStep, ...], record: xr.Dataset | None) -> list[NDArray]:
-    """Locations (n, xyz) m of the recorded events within the dates of each step."""
-    found = [np.empty((0, 3))] * len(steps)
+def _recorded(steps: tuple[OpeningStep, ...], record: xr.Dataset | None) -> list[NDArray | None]:
+    """Locations (n, xyz) m of the recorded events within the dates of each step; None without record or dates."""
+    found: list[NDArray | None] = [None] * len(steps)
     dated = [number for number, step in enumerate(steps) if step.start]
     if record is None or not dated:
         return found

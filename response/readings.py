@@ -19,6 +19,8 @@ def read_readings(instrument: Instrument, where: str) -> pd.DataFrame:
     path = Path(str(instrument.file))
     try:
         table = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, encoding="utf-8-sig")
+        if not isinstance(table.index, pd.RangeIndex):  # pandas takes the first column of such a file as names of rows
+            raise ValueError("rows have more fields than the line of column names")
     except (OSError, ValueError, pd.errors.ParserError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{where}.file: {path}: cannot be read as CSV ({reason})") from error
@@ -32,7 +34,7 @@ def read_readings(instrument: Instrument, where: str) -> pd.DataFrame:
         value = table[instrument.date].iloc[line]
         raise InputError(f"{where}.date: {path.name}: row {line + 1}: {value} is no date; write it as 2010-03-31")
     values = table[list(instrument.columns)].apply(pd.to_numeric, errors="coerce")
-    bad = values.isna() & table[list(instrument.columns)].notna()
+    bad = ~np.isfinite(values) & table[list(instrument.columns)].notna()
     if bad.to_numpy().any():
         line, column = np.argwhere(bad.to_numpy())[0]
         value = table[instrument.columns[column]].iloc[line]
@@ -46,7 +48,8 @@ def read_readings(instrument: Instrument, where: str) -> pd.DataFrame:
 def at_steps(readings: pd.DataFrame, steps: list[dict], since: str | None) -> NDArray:
     """Last reading within the dates of each step, (step, column); NaN without one.
 
-    since: step whose last reading is taken from all; rows before its end are NaN. Without it readings stay as they are.
+    since: step whose last reading is taken from all later ones; rows up to it are NaN. Without it readings stay as they
+    are.
     """
     found = np.full((len(steps), readings.shape[1]), np.nan)
     for number, step in enumerate(steps):
@@ -61,5 +64,5 @@ def at_steps(readings: pd.DataFrame, steps: list[dict], since: str | None) -> ND
     if since is not None:
         first = [step["name"] for step in steps].index(since)
         found = found - found[first]
-        found[:first] = np.nan
+        found[: first + 1] = np.nan
     return found

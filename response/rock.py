@@ -17,6 +17,7 @@ from mpm_core.grid.mesh import BIT_ORDER, EDGE_CORNERS
 OUTSIDE, MINED, INTACT, FAILED = range(4)  # What is at a point. Rock that has fallen counts as failed.
 NEWTON_STEPS = 6  # For the place in a distorted cell; its corners are moved by less than half of its edge.
 ROUND_OFF = 1e-9  # Edges of a cell by which the corners of a cube may seem to be moved.
+FACE = 1e-6  # Finest cells by which a point on the domain's upper face may be outside of it.
 CONVERGED = 1e-6  # Edges of a cell by which a place may be off.
 MIN_JACOBIAN = 1e-3  # Below it a step of Newton's method would lead anywhere.
 MAX_CONTINUED = 0.5  # Edges of a cell by which its functions are continued beyond it.
@@ -112,7 +113,9 @@ class Rock:
 
     def in_cells(self, point: NDArray) -> NDArray:
         """Points (n, xyz) m in finest cells from the lower corner of the domain, (n, d)."""
-        return (point[:, self.axes] - self.lower) / self.edge
+        place = (point[:, self.axes] - self.lower) / self.edge
+        inside = np.nextafter(self.grid.shape.astype(float), 0.0)  # the upper faces of the domain belong to it
+        return np.where((place >= inside) & (place <= inside + FACE), inside, place)
 
     def cells(self, place: NDArray) -> NDArray:
         """Cell (n,) of points (n, d), in finest cells; NO_CELL outside of the domain."""
@@ -168,9 +171,20 @@ class Rock:
         own = np.flatnonzero(rock)
         return own, scipy.spatial.cKDTree(self.state["position"].values[own][:, self.axes])
 
-    def principal(self, particle: NDArray) -> NDArray:
-        """Principal stresses (n, 3) Pa of particles (n,), ascending: the largest compression first."""
-        return np.linalg.eigvalsh(tensor_from_voigt(self.state["stress"].values[particle]))
+    def stress_of_cells(self, particle: NDArray) -> tuple[NDArray, NDArray]:
+        """Principal stresses (n, 3) Pa, the largest compression first, of the mean stress in the cells of particles
+        (n,), and the least strength factor (n,) there."""
+        own, _ = self.particle_tree
+        cell, volume = self.state["cell"].values[own], self.state["volume"].values[own]
+        count = len(self.grid.cell_level)
+        total = np.bincount(cell, volume, minlength=count)
+        chosen, row = np.unique(self.state["cell"].values[particle], return_inverse=True)
+        stress = self.state["stress"].values[own]
+        means = [np.bincount(cell, volume * column, minlength=count)[chosen] / total[chosen] for column in stress.T]
+        factor = np.full(count, np.inf)
+        np.minimum.at(factor, cell, self.state["strength_factor"].values[own])
+        principal = np.linalg.eigvalsh(tensor_from_voigt(np.stack(means, axis=1)))
+        return principal[row], factor[chosen][row]
 
 
 def shape_functions(place: NDArray, corners: NDArray) -> NDArray:

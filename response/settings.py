@@ -7,6 +7,8 @@ from pydantic import Field
 from catalogs.settings import InsituStress
 from common.setting_types import AsTuple, Point, Settings, Size
 
+MIN_SLENDERNESS = 4.0  # Length over width from which an excavation counts as a drive.
+
 
 class OpeningSettings(Settings):
     """What the table of openings gives."""

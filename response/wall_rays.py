@@ -12,14 +12,25 @@ from response.walls import Walls
 
 STEP = 0.25  # Finest cells between points of a ray: the edge of a cell's sub-cells in three dimensions.
 MAX_GAP = 1.0  # Finest cells of intact rock behind which failed rock no longer belongs to the wall.
-INTO_ROCK = 0.25  # Finest cells from a wall at which the rock behind it is looked for.
+MAX_TO_ROCK = 0.75  # Finest cells from a wall within which the rock behind it begins.
 MAX_INTO_ROCK = 1.5  # Finest cells within which the cell is looked for whose nodes move a wall.
 
 
+def first_rock(rock: Rock, walls: Walls) -> NDArray:
+    """Distance (point,) m from walls at which rock begins, by STEP; NaN where another opening has taken it, or the
+    domain ends. A grid with whole cells begins up to MAX_TO_ROCK beyond the wall of a solid."""
+    found = np.full(len(walls), np.nan)
+    for number in range(round(MAX_TO_ROCK / STEP)):
+        missing = np.flatnonzero(np.isnan(found))
+        away = (number + 0.5) * STEP * rock.edge
+        what, _ = rock.what(walls.place[missing] + away * walls.normal[missing])
+        found[missing[(what == INTACT) | (what == FAILED)]] = number * STEP * rock.edge
+    return found
+
+
 def standing(rock: Rock, walls: Walls) -> NDArray:
-    """True (point,) for walls with rock behind them: elsewhere another opening has taken it, or the domain ends."""
-    what, _ = rock.what(walls.place + INTO_ROCK * rock.edge * walls.normal)
-    return (what == INTACT) | (what == FAILED)
+    """True (point,) for walls with rock behind them."""
+    return np.isfinite(first_rock(rock, walls))
 
 
 @dataclass(frozen=True)
@@ -41,10 +52,11 @@ def look_behind(rock: Rock, walls: Walls, tree: cKDTree) -> Behind:
     """
     count = len(walls)
     depth, through, particle = np.zeros(count), np.zeros(count, bool), np.full(count, -1)
+    begin = np.nan_to_num(first_rock(rock, walls))
     step, going, number = STEP * rock.edge, np.arange(count), 0
     while len(going):
-        away = (number + 0.5) * step
-        place = walls.place[going] + away * walls.normal[going]
+        away = begin[going] + (number + 0.5) * step
+        place = walls.place[going] + away[:, None] * walls.normal[going]
         what, here = rock.what(place)
         failed, intact = what == FAILED, what == INTACT
         found = np.flatnonzero(failed)
@@ -54,7 +66,7 @@ def look_behind(rock: Rock, walls: Walls, tree: cKDTree) -> Behind:
         particle[going[failed]] = -1
         first = intact & (particle[going] < 0)
         particle[going[first]] = here[first]
-        opened = (what == MINED) & (away > INTO_ROCK * rock.edge)
+        opened = what == MINED
         through[going[opened | other]] = depth[going[opened | other]] > 0.0
         ended = opened | other | (what == OUTSIDE)
         ended |= intact & ((number + 1) * step - depth[going] > MAX_GAP * rock.edge)

@@ -46,7 +46,7 @@ def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:
     """Points on the surfaces of all excavations of grid.nc, POINTS_PER_CELL along a finest cell.
 
     lines: centre line of each excavation that is a drive. In plane strain a point stands for a strip of the thickness.
-    Facets without area are left out.
+    Facets without area are left out, and what lies outside of the domain.
     """
     position, facets = grid["solid_position"].values, grid["solid_facets"].values.astype(np.int64)
     owner, spacing = grid["solid_excavation"].values.astype(np.int64), grid.attrs["fine_cell"] / POINTS_PER_CELL
@@ -59,10 +59,15 @@ def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:
         along = corners[:, 1] - corners[:, 0]
         across = np.cross(along, np.cross(*np.eye(3)[axes_of(grid)]))
         size, depth = np.linalg.norm(along, axis=1), float(grid.attrs["thickness"])
-    kept = np.flatnonzero(size > 0.0)
+    axes = axes_of(grid)
+    lower, upper = (np.asarray(grid.attrs[f"domain_{end}"])[axes] for end in ("lower", "upper"))
+    low, high = corners[:, :, axes].min(axis=1), corners[:, :, axes].max(axis=1)
+    kept = np.flatnonzero((size > 0.0) & (high >= lower).all(axis=1) & (low <= upper).all(axis=1))
     normal = across[kept] / np.linalg.norm(across[kept], axis=1)[:, None]
     place, area, facet = _spread(corners[kept], size[kept], spacing)
     place, normal, area, owner = _merged(place, normal[facet], depth * area, owner[kept][facet], spacing)
+    inside = ((place[:, axes] >= lower) & (place[:, axes] <= upper)).all(axis=1)
+    place, normal, area, owner = place[inside], normal[inside], area[inside], owner[inside]
     up, along, chainage = _frame(place, owner, lines)
     rise = np.einsum("pi,pi->p", normal, up)
     side = np.full(len(place), SIDES.index("walls"))

@@ -6,12 +6,14 @@ that month.
 """
 
 import functools
+import math
 from collections.abc import Iterator, Sequence
 from operator import itemgetter
 from typing import Self
 
 from mpm_core.constitutive.laws import variability_of
 from mpm_core.settings import PlacedSolid, ShapeSettings, SolidSettings
+from response.settings import MIN_SLENDERNESS
 from workflow.face_positions import face_positions
 from workflow.mine_configuration import MineConfiguration
 from workflow.mine_settings import BoundaryStrain, Excavation, Load
@@ -23,6 +25,14 @@ SHAPE_KEYS = set(ShapeSettings.model_fields)
 def shape_keys(solid: ShapeSettings) -> dict:
     """The keys of an excavation, rock body or load that define its shape or file, as plain values."""
     return solid.model_dump(mode="json", include=SHAPE_KEYS, exclude_unset=True)
+
+
+def _axis(shape: dict) -> list | None:
+    """Ends of a cylinder that is long enough for a drive or a shaft; None for other shapes."""
+    if shape.get("shape") != "cylinder":
+        return None
+    length = math.dist(shape["start"], shape["end"])
+    return [shape["start"], shape["end"]] if length >= MIN_SLENDERNESS * 2.0 * shape["radius"] else None
 
 
 class Mine(MineConfiguration):
@@ -317,7 +327,7 @@ class Mine(MineConfiguration):
             shape, steps = self._shape(entry), self.mined_steps
             filled = entry.fill_step if entry.fill_material is not None and entry.fill_step in steps else ""
             own = {"name": entry.name, "mined": entry.step if entry.step in steps else "", "filled": filled}
-            axis = shape.get("path") or ([shape["start"], shape["end"]] if "start" in shape else None)
+            axis = shape.get("path") or _axis(shape)
             excavations.append(own | ({"path": axis} if axis and self.plane is None else {}))
         return {
             "steps": [{"name": name, **self._dates(name)} for name in self.mined_steps],

@@ -2,12 +2,18 @@
 
 import difflib
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from common.errors import InputError, Mistakes
-from response.observation_settings import Instrument, ObservationSettings
+from response.observation_settings import Instrument, ObservationSettings, ObservedClosure
 from workflow.mine import Mine
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NEAR_WALL = 0.5  # Finest cells within which a point in an opening counts as one on its wall.
 
 
 def keyed(settings: ObservationSettings) -> Iterator[tuple[str, Instrument]]:
@@ -42,7 +48,24 @@ def check_observations(mine: Mine, mistakes: Mistakes) -> None:
     for where, instrument in keyed(settings):
         if instrument.file is not None and mine.path(instrument.file).is_file():
             with mistakes.gather():
-                read_readings(instrument.model_copy(update={"file": mine.path(instrument.file).as_posix()}), where)
+                own = instrument.model_copy(update={"file": mine.path(instrument.file).as_posix()})
+                _check_dates(mine, where, own, read_readings(own, where))
+    _check_rock(mine, settings, mistakes)
+
+
+def _check_dates(mine: Mine, where: str, instrument: Instrument, readings: "pd.DataFrame") -> None:
+    """Readings within the dates of steps, and within those of the step that they are relative to."""
+    from response.readings import at_steps
+
+    steps = mine.observations_slice()["steps"]
+    found = np.isfinite(at_steps(readings, steps, None)).any(axis=1)
+    if not found.any():
+        raise InputError(f"{where}.file: {instrument.file}: no reading is within the dates of a step")
+    if instrument.since in mine.dated_steps and not found[[step["name"] for step in steps].index(instrument.since)]:
+        raise InputError(
+            f"{where}.since: {instrument.file}: no reading is within the dates of {instrument.since}, from which the "
+            "others count; add one, for example the zero at its end"
+        )
 
 
 def _check_file(mine: Mine, where: str, instrument: Instrument) -> None:
@@ -67,25 +90,41 @@ def _check_columns(mine: Mine, settings: ObservationSettings) -> None:
 
 
 def _check_place(mine: Mine, where: str, instrument: Instrument) -> None:
-    """Points are within the domain, and none that needs rock is within an opening. Marks are on walls, or near them."""
+    """Raise InputError for a point outside of the domain."""
+    from response.observations import places
+
+    corners = mine.settings.domain
+    for point in places(instrument):
+        if not ((point >= corners.lower) & (point <= corners.upper)).all():
+            raise InputError(f"{where}: the point {_text(point)} is outside the domain; enlarge domain, or correct it")
+
+
+def _check_rock(mine: Mine, settings: ObservationSettings, mistakes: Mistakes) -> None:
+    """Points that are mined from the first step on; marks of a closure are on walls, or near them. Points that are
+    mined later have values until then."""
     from mpm_core.geometry.inside import contains
     from mpm_core.scene.scene_solids import read_entry
     from response.observations import places
 
-    points = places(instrument)
-    corners = mine.settings.domain
-    for point in points:
-        if not ((point >= corners.lower) & (point <= corners.upper)).all():
-            text = ", ".join(f"{value:g}" for value in point)
-            raise InputError(f"{where}: the point ({text}) m is outside the domain; enlarge domain, or correct it")
-    if instrument.name in {one.name for one in mine.settings.observations.closures}:
-        return
-    reach = mine.finest_cell
+    checked = [(where, one) for where, one in keyed(settings) if not isinstance(one, ObservedClosure)]
+    points = [places(instrument) for _, instrument in checked]
+    owner = np.repeat(np.arange(len(points)), [len(own) for own in points])
+    every, refused = np.concatenate([np.empty((0, 3)), *points]), set()
     for entry in mine.excavations:
+        if mine.step_index(entry.step) != 0:
+            continue
         solid = read_entry(mine.placed(entry), mine.dimension, "excavations")
-        inside = contains(solid, points)
+        inside = np.flatnonzero(contains(solid, every))
         for direction in np.concatenate([np.eye(3), -np.eye(3)]):  # a collar on a wall is no mistake
-            inside &= contains(solid, points + reach * direction)
-        if inside.any():
-            text = ", ".join(f"{value:g}" for value in points[inside.argmax()])
-            raise InputError(f"{where}: the point ({text}) m is inside {entry.name}, which is mined; put it into rock")
+            inside = inside[contains(solid, every[inside] + NEAR_WALL * mine.finest_cell * direction)]
+        for row in inside:
+            if owner[row] not in refused:
+                refused.add(owner[row])
+                where = checked[owner[row]][0]
+                mistakes.lines.append(
+                    f"{where}: the point {_text(every[row])} is inside {entry.name}; put it into rock"
+                )
+
+
+def _text(point: np.ndarray) -> str:
+    return f"({', '.join(f'{value:g}' for value in point)}) m"

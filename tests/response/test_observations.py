@@ -10,6 +10,7 @@ from common.errors import InputError
 from common.observation_table import FIELDS
 from response.observation_settings import ObservationSlice
 from response.observations import observe
+from response.table_csv import write_csv
 from workflow.configuration import load_mine
 
 ROOM = {"name": "room", "shape": "box", "lower": ["-4 m", "-3 m", "-2 m"], "upper": ["4 m", "3 m", "2 m"]}
@@ -73,12 +74,11 @@ def test_readings_are_the_last_of_each_step_in_the_models_unit(tmp_path):
     pd.DataFrame(rows, columns=["day", "gap"]).to_csv(tmp_path / "c.csv", index=False)
     mark = MARKS | {"name": "c", "since": "a", "file": "c.csv", "units": "cm", "error": "1 mm", "date": "day"}
     table = observed(tmp_path, {"closures": [mark | {"columns": ["gap"]}]})
-    np.testing.assert_allclose(table["measured"].values, [np.nan, 0.0, 20.0])
-    np.testing.assert_allclose(table["measured_error"].values, [np.nan, 1.0, 1.0])
+    np.testing.assert_allclose(table["measured"].values, [np.nan, np.nan, 20.0])  # the zero is no reading
+    np.testing.assert_allclose(table["measured_error"].values, [np.nan, np.nan, np.sqrt(2.0)])
     line = instrument_line(table, "c")
-    assert line.readings == 2
-    expected = np.sqrt(np.mean((table["measured"].values[1:] - table["modelled"].values[1:]) ** 2))
-    assert line.misfit == pytest.approx(expected)
+    assert line.readings == 1
+    assert line.misfit == pytest.approx(abs(20.0 - table["modelled"].values[2]))
 
 
 def test_the_interval_of_a_misfit_covers():
@@ -96,7 +96,7 @@ READ = {"file": "r.csv", "units": "MPa", "error": "0.5 MPa"}
 LINE = {"name": "M", "start": ["5 m", "0 m", "0 m"], "end": ["9 m", "0 m", "0 m"], "anchors": ["1 m", "3 m"]}
 DATES = {"columns": ["date"]}
 MISTAKES = {
-    "in mined rock": ({"points": [CELL | {"at": ["0 m", "0 m", "0 m"]}]}, "inside room, which is mined"),
+    "in mined rock": ({"points": [CELL | {"at": ["0 m", "0 m", "0 m"]}]}, "is inside room; put it into rock"),
     "outside": ({"points": [CELL | {"at": ["99 m", "0 m", "0 m"]}]}, "outside the domain"),
     "wrong unit": ({"points": [CELL | READ | {"units": "mm"}]}, "units: '1 mm' is no stress"),
     "no unit": ({"points": [CELL | {"file": "r.csv", "error": "1 MPa"}]}, "units: missing; readings need it"),
@@ -116,6 +116,49 @@ MISTAKES = {
     "too many points": ({"lines": [{**LINE, "anchors": None, "every": "0.0001 m"}]}, "more than 10000 points"),
     "one mark": ({"closures": [MARKS | {"name": "c", "end": MARKS["start"]}]}, "the same point as the other mark"),
 }  # fmt: skip
+
+
+FILES = {  # What a file of readings may have, and the line that it is refused with.
+    "no step": ("date,value\n2010-01-05,1.5\n", {}, "no reading is within the dates of a step"),
+    "no zero": ("date,value\n2020-02-05,1.5\n", {"since": "a"}, "no reading is within the dates of a, from which"),
+    "decimal comma": ("date,value\n2020-01-05,1,5\n2020-01-06,2,5\n", {}, "rows have more fields than"),
+    "infinite": ("date,value\n2020-01-05,inf\n", {}, "row 1, value: inf is no number"),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_a_file_of_readings_is_refused_in_one_line(tmp_path, case):
+    text, keys, expected = FILES[case]
+    (tmp_path / "r.csv").write_text(text)
+    with pytest.raises(InputError, match=expected):
+        load(tmp_path, [ROOM], steps=STEPS, observations={"points": [CELL | READ | keys]})
+
+
+def test_a_point_that_is_mined_later_is_taken(tmp_path):
+    """A cell in a pillar that step b mines, and a line along a planned stope."""
+    later = ROOM | {"name": "later", "lower": ["6 m", "-3 m", "-2 m"], "upper": ["12 m", "3 m", "2 m"]}
+    stress = {"name": "hole", "start": ["7 m", "0 m", "0 m"], "end": ["11 m", "0 m", "0 m"], "measures": "stress"}
+    for step in ("b", "planned"):
+        load(
+            tmp_path, [ROOM, later | {"step": step}], steps=STEPS,
+            observations={"points": [CELL], "lines": [stress | {"every": "1 m"}]},
+        )  # fmt: skip
+
+
+def test_a_mark_on_the_top_of_the_domain_has_values(tmp_path):
+    points = [
+        {"name": name, "at": ["0 m", "0 m", z], "measures": "displacement"}
+        for name, z in (("a", "16 m"), ("b", "-16 m"))
+    ]
+    assert np.isfinite(observed(tmp_path, {"points": points})["modelled"].values).all()
+
+
+def test_names_with_commas_are_read_again(tmp_path):
+    table = observed(tmp_path, {"points": [CELL | {"name": 'SC "1", north'}]})
+    write_csv(table, FIELDS, tmp_path / "table.csv")
+    again = pd.read_csv(tmp_path / "table.csv")
+    assert again["instrument"].tolist() == ['SC "1", north'] * 3
+    np.testing.assert_allclose(again["modelled"], table["modelled"].values, rtol=1e-5)
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)

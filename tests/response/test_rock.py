@@ -128,6 +128,27 @@ def test_failed_rock_that_does_not_touch_a_wall_is_not_its_own(drive):
     assert look_behind(rock, walls, cKDTree(walls.place)).depth.max() == 0.0
 
 
+@pytest.mark.parametrize("grid", [{"particles_per_cell": 8}, {"cut_cells": "whole", "volume_error": 0.5}])
+def test_walls_are_alike_whatever_the_cells(tmp_path, grid):
+    """A symmetric room: roof and floor bear the same, and all its walls stand, with eight particles in a cell, too."""
+    room = {
+        "name": "room",
+        "shape": "box",
+        "lower": ["-4.3 m", "-3.3 m", "-2.3 m"],
+        "upper": ["4.3 m", "3.3 m", "2.3 m"],
+    }
+    mine = load(tmp_path, [room], grid={"coarse_cell": "4 m", "levels": 3, "buffer_cells": 2} | grid)
+    cells, state = states_of(mine, tmp_path)
+    table = table_of(mine, cells, [state])
+    value = {
+        str(table["side"].values[row]): table.isel(row=row)
+        for row in np.flatnonzero(np.isnan(table["chainage_from"].values))
+    }
+    assert float(value["roof"]["major_stress"]) == pytest.approx(float(value["floor"]["major_stress"]), rel=0.02)
+    assert float(value["roof"]["wall_area"]) == pytest.approx(8.6 * 6.6, rel=0.05)
+    assert np.isfinite(float(value["roof"]["closure_median"]))
+
+
 def test_failed_rock_between_two_openings_is_shared(tmp_path):
     """A pillar of 4 m that has failed through: each side has its half, and says that it meets the other."""
     west = {"name": "west", "shape": "box", "lower": ["-8 m", "-4 m", "-3 m"], "upper": ["-2 m", "4 m", "3 m"]}

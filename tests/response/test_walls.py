@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.spatial
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from small_mines import CELL, load
@@ -103,6 +104,60 @@ def test_a_drive_without_a_path_has_a_line_through_its_cells(tmp_path):
     assert west.max() < 2.0  # chainage begins at the end that comes first by x
     assert north.min() > 0.9 * line.length
     assert np.isnan(walls.chainage[walls.excavation == 1]).all()
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"),
+    [((-14, -14, -1.5), (14, 14, 1.5)), ((-14, -1.5, -10), (14, 1.5, 10)), ((-14, -7, -2), (14, 7, 2))],
+    ids=["panel", "vein", "room"],
+)
+def test_a_flat_body_is_no_drive(tmp_path, lower, upper):
+    """A square panel, an upright vein and a room: their sides are those of a box."""
+    corners = {"lower": [f"{one} m" for one in lower], "upper": [f"{one} m" for one in upper]}
+    _, walls = walls_of(load(tmp_path, [BOX | corners]))
+    assert np.isnan(walls.chainage).all()
+    assert area_by_side(walls)["face"] == 0.0
+
+
+def test_a_ring_is_no_drive_and_neither_are_drives_that_branch(tmp_path):
+    """As solids of files: four boxes around a pillar, and a T."""
+    ring = [
+        [-13, -13],
+        [13, -13],
+        [13, 13],
+        [-13, 13],
+        [-13, 10],
+        [10, 10],
+        [10, -10],
+        [-10, -10],
+        [-10, 9.9],
+        [-13, 9.9],
+    ]
+    tee = [[-13, -1.5], [-1.5, -1.5], [-1.5, -13], [1.5, -13], [1.5, -1.5], [13, -1.5], [13, 1.5], [-13, 1.5]]
+    for outline in (ring, tee):
+        polygon = [[f"{x} m", f"{y} m"] for x, y in outline]
+        body = {"name": "body", "shape": "prism", "lower": "-1.5 m", "upper": "1.5 m", "polygon": polygon}
+        _, walls = walls_of(load(tmp_path, [body]))
+        assert np.isnan(walls.chainage).all()
+
+
+def test_what_is_outside_of_the_domain_has_no_points(tmp_path):
+    corners = {"lower": ["-4 m", "-3 m", "-2 m"], "upper": ["400 m", "3 m", "2 m"]}
+    _, walls = walls_of(load(tmp_path, [BOX | corners]))
+    assert walls.place.max() <= 16.0
+    assert area_by_side(walls)["roof"] == pytest.approx(6.0 * 20.0, rel=0.02)
+
+
+def test_a_long_line_is_projected_onto_as_by_trying_all(tmp_path):
+    """Stretches of very different lengths, against the nearest of many points along the line."""
+    generator = np.random.default_rng(5)
+    step = generator.normal(size=(60, 3)) * generator.choice([0.5, 3.0, 40.0], size=(60, 1))
+    line = CentreLine(np.cumsum(step, axis=0))
+    place = line.at(generator.uniform(0.0, line.length, 300)) + generator.normal(size=(300, 3))
+    along = np.linspace(0.0, line.length, 200_000)
+    nearest = np.linalg.norm(line.at(line.project(place)[0]) - place, axis=1)
+    expected = scipy.spatial.cKDTree(line.at(along)).query(place)[0]
+    assert np.quantile(nearest - expected, 0.97) < 0.02
 
 
 def test_a_line_gives_chainage_of_points_and_points_of_chainage():

@@ -39,7 +39,7 @@ class OpeningLine:
     factor: float
     through: float
     modelled: int
-    recorded: int
+    recorded: float
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
@@ -82,7 +82,7 @@ def _line(table: xr.Dataset, place: dict[tuple[str, str], int], name: str, row: 
     return OpeningLine(
         name, bool(of("filled")), sides, of("depth_largest"), of("failed_volume"), of("failed_volume_step"),
         of("closure_median"), of("major_stress"), of("major_stress_change"), of("strength_factor"),
-        of("through_share"), int(of("events_modelled")), int(of("events_recorded")),
+        of("through_share"), int(of("events_modelled")), of("events_recorded"),
     )  # fmt: skip
 
 
