@@ -12,6 +12,7 @@ import xarray as xr
 from common.datasets import read_dataset
 from common.fields import TEXT, Field
 
+ROOF_FROM = 45  # degrees; walls are steeper, roof and floor are flatter.
 SIDES = ("roof", "walls", "floor", "face")
 ALL = "all"
 ROWS = ("row",)

@@ -17,7 +17,7 @@ CELLS_FITTED = {2: 9, 3: 27}  # By dimension: a cell and those around it.
 FARTHEST = 3.0  # Edges of its own cell within which a particle counts.
 BETWEEN = (0.25, 0.5, 0.75)  # Places between point and particle that must not lie in an opening.
 MIN_FITTED = 4  # Particles more than coefficients that a plane needs; with fewer the mean is taken.
-STRESS_ERROR = 0.6  # Of the gradient times how one-sided the particles lie, and their scatter about the plane.
+STRESS_ERROR = 0.8  # Of the gradient times how one-sided the particles lie, and their scatter about the plane.
 WALL = 1.25  # Edges of a finest cell from a particle within which a point in an opening is one of its wall.
 DISPLACEMENT_ERROR = 0.15  # Of the difference of displacement across a cell.
 

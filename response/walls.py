@@ -6,11 +6,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from common.opening_table import SIDES
+from common.opening_table import ROOF_FROM, SIDES
 from response.centre_lines import CentreLine
 from response.rock import axes_of
 
-STEEPEST_WALL = np.sin(np.radians(45.0))  # A wall's normal rises or falls less than this; others are roof and floor.
+STEEPEST_WALL = np.sin(
+    np.radians(90.0 - ROOF_FROM)
+)  # A wall's normal rises or falls less than this; others are roof and floor.
 FACE = np.cos(np.radians(45.0))  # A face's normal lies along the drive by more than this.
 POINTS_PER_CELL = 2.0  # Along an edge of a finest cell.
 MIN_ROOF = 0.1  # Sine of the angle between a drive and the vertical below which it is a shaft.

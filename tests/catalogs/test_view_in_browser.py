@@ -349,7 +349,7 @@ def test_without_webgl_or_scripts_a_sentence_stands_there(mine, tmp_path, option
         plain.open(mine.folder / "report.html")
         plain.wait_for("document.readyState === 'complete'")
         assert not displayed(plain, "#view-root")
-        assert "Sections 5 and 7 show failed rock and events" in plain.value(
+        assert "Sections 5 and 10 show failed rock and events" in plain.value(
             "document.querySelector('.view-else').textContent"
         )
         assert displayed(plain, ".view-else")

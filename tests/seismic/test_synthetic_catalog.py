@@ -6,12 +6,15 @@ import numpy as np
 import pandas as pd
 import pytest
 from job_runs import run_job
+from mechanics.test_grid_stage import block, grid_slice
 from numpy.testing import assert_allclose, assert_array_equal
 
-from common.datasets import write_dataset
+from catalogs.sources.event_labels import label_events
+from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 from common.event_table import NAMES, ON_PLANES, read_events, write_events
 from common.job import read_job
+from mpm_core.stages.grid_stage import make_grid
 from seismic.catalog import merge, write_csv
 from seismic.events import extract_events
 
@@ -169,9 +172,11 @@ def test_the_stage_of_the_events_end_to_end(planes, make_scattered_step, make_se
         )
     write_dataset(step, tmp_path / "step.nc")
     dates = {key: AUGUST[key] for key in ("start", "end")}
-    settings = {"seismic": make_settings(), "steps": [{"name": "2019-08", "dates": dates}]}
+    steps = [{"name": "2019-08", "dates": dates}]
+    settings = {"seismic": make_settings(), "steps": steps, "openings": [{"name": "stope", "mined": 0, "filled": -1}]}
+    write_dataset(make_grid(grid_slice(block([4.0, 4.0, 4.0], [12.0, 12.0, 12.0])), {}), tmp_path / "grid.nc")
     outputs = [tmp_path / "events", tmp_path / "catalog.nc"]
-    done = run_job(tmp_path, "events", settings, outputs, steps=[tmp_path / "step.nc"])
+    done = run_job(tmp_path, "events", settings, outputs, steps=[tmp_path / "step.nc"], grid=[tmp_path / "grid.nc"])
     assert (done.returncode, len(told(done))) == (0, 1), done.stderr
     assert "potency budget" in (tmp_path / "events.log").read_text()
 
@@ -179,6 +184,7 @@ def test_the_stage_of_the_events_end_to_end(planes, make_scattered_step, make_se
     made = read_job(done.args[3]).provenance()
     write_events(events.assign_attrs(made), tmp_path / "here_events.nc")
     catalog = merge([read_events(tmp_path / "here_events.nc")])
+    catalog = label_events(catalog, read_dataset(tmp_path / "grid.nc"), settings["openings"], ["2019-08"])
     write_events(catalog.assign_attrs(made), tmp_path / "here_catalog.nc")
     write_csv(catalog, tmp_path / "catalog.csv")
     table = pd.read_csv(tmp_path / "catalog.csv")

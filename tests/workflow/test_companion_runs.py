@@ -78,7 +78,7 @@ def test_a_companion_runs_beside_what_stands(spoiled, base):
     assert {line.split("\t")[2] for line in commands if idle.search(line)} == {"companion"}
     assert packed[0] == 0, packed[1]
     labels = re.findall(r'"labels": ({[^}]*})', (spoiled / "packed.html").read_text(encoding="utf-8"))
-    names = ["catalogue", "report"]
+    names = ["catalogue", "openings", "report"]
     assert sorted(json.loads(label)["result"] for label in labels) == names
     assert jobs(text) == dict.fromkeys(("companion", "comparison", "report", "report_page", "all"), 1)
     after = hashes(results)

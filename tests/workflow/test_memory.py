@@ -75,7 +75,7 @@ def test_rules_know_it_once_the_grid_stands(undisturbed, tiny_file, tmp_path, ac
     status, text = snakemake(tiny_file, tmp_path / "new", "--dry-run", "--quiet", "host")
     assert status == 0, text
     later = {rule for rule, amounts in asked(text).items() if amounts == {"<TBD>"}}
-    assert later == {"elastic", "step", "events", "catalogue", "report"}
+    assert later == {"elastic", "step", "events", "catalogue", "openings", "report"}
     status, text = snakemake(tiny_file, undisturbed[0], "--dry-run", "--quiet", "host", "--forceall")
     assert status == 0, text
     grid = str(undisturbed[0] / "results/tiny/grid.nc")
@@ -83,7 +83,7 @@ def test_rules_know_it_once_the_grid_stands(undisturbed, tiny_file, tmp_path, ac
     states = [str(undisturbed[0] / "results/tiny" / name) for name in ("elastic.nc", *STEPS)]
     asked_for = {str(mechanics_mb(accept(TINY), state, elastic=False)) for state in states[:-1]}
     assert asked(text)["step"] == asked_for  # that of the step before, whose cells it starts from
-    assert asked(text)["events"] == {str(reading_mb(accept(TINY), grid, "events", states[1:], at_once=4))}
+    assert asked(text)["events"] == {str(reading_mb(accept(TINY), grid, "events", [grid, *states[1:]], at_once=4))}
 
 
 def test_a_job_that_is_started_again_asks_for_more(undisturbed, tiny_file):

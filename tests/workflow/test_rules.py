@@ -80,6 +80,7 @@ def test_a_plan_names_every_result(files, accept):
         "event_rules.nc",
         "source_parameters.nc",
         "record.nc",
+        "openings.csv",
         "comparison.nc",
         "spread.nc",
     ]

@@ -14,7 +14,7 @@ from catalogs.figures import style
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from catalogs.report.text import number
-from common.opening_table import ALL, SIDES
+from common.opening_table import ALL, ROOF_FROM, SIDES
 
 MAX_DRAWN = 6  # Drives whose profile is drawn: those in which rock fails deepest.
 MAX_LISTED = 40  # Openings of the table: those in which rock fails deepest.
@@ -53,6 +53,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
         "lines": lines[:MAX_LISTED],
         "others": len(lines) - MAX_LISTED,
         "step": str(evidence.steps[-1]["step"]),
+        "steepest": ROOF_FROM,
         "half_cell": 0.5 * float(evidence.grid.attrs["fine_cell"]),
         "narrow": [row.name for row in evidence.excavations if row.narrow and not row.planned],
         "profiles": gallery.add("openings", profiles) if profiles else None,
