@@ -29,6 +29,8 @@ PINNED = (
         "record.nc",
         "event_rules.nc",
         "source_parameters.nc",
+        "openings.nc",
+        "openings.csv",
         "comparison.nc",
         "spread.nc",
         "grid_convergence.nc",
