@@ -102,6 +102,7 @@ def test_all_results_are_there_and_nothing_half_written(undisturbed):
     """Every stage file, the tables and the page; no temporary file is left."""
     results = undisturbed[0] / "results/tiny"
     others = {"catalog.csv", "catalog.xml", "event_rules.nc", "source_parameters.nc", "comparison.nc"}
+    others |= {"openings.csv", "openings.nc"}
     assert set(hashes(results)) == set(CONTRACT) | others
     assert (results / "report.html").stat().st_size > 10_000
     assert list((results / "figures").iterdir())
