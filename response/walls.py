@@ -154,8 +154,7 @@ def _frame(place: NDArray, owner: NDArray, lines: list[CentreLine | None]) -> tu
     up, along = np.tile([0.0, 0.0, 1.0], (len(place), 1)), np.zeros((len(place), 3))
     chainage = np.full(len(place), np.nan)
     for index, line in enumerate(lines):
-        own = np.flatnonzero(owner == index)
-        if line is None or not len(own):
+        if line is None or not len(own := np.flatnonzero(owner == index)):
             continue
         chainage[own], along[own] = line.project(place[own])
         across = up[own] - along[own] * along[own][:, 2:]

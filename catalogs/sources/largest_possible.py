@@ -67,7 +67,10 @@ def largest_possible(
     beta = LN10 * (bounded.b if np.isfinite(bounded.b) else found.b)
     slopes = [beta, *(LN10 * end for end in (bounded.lower, bounded.upper) if np.isfinite(end))]
     upper = max(upper_end(seen, start, max(slope, 1e-6), count, confidence) for slope in slopes)
-    gap = lambda end: end - mean_shortfall(end, start, max(beta, 1e-6), count) - seen  # noqa: E731
+
+    def gap(end: float) -> float:
+        return end - mean_shortfall(end, start, max(beta, 1e-6), count) - seen
+
     far = seen + MAX_ABOVE
     estimate = float(scipy.optimize.brentq(gap, seen, far)) if gap(far) > 0.0 else np.inf
     return LargestPossible(estimate, seen, upper, count)
