@@ -17,12 +17,10 @@ def is_workbook(path: Path) -> bool:
     return path.suffix.lower() in ENDINGS
 
 
-def sheet_text(path: Path, sheet: str | None) -> str:
-    """A sheet of a workbook, by default the first, as the text of a CSV file with decimal points. Raises InputError."""
+def read_sheet(path: Path, sheet: str | None = None) -> pd.DataFrame:
+    """Cells of a sheet of a workbook, by default the first, empty ones as empty texts. Raises InputError."""
     try:
-        cells = pd.read_excel(
-            path, sheet_name=sheet or 0, header=None, dtype=object, na_filter=False, engine="calamine"
-        )
+        return pd.read_excel(path, sheet_name=sheet or 0, header=None, dtype=object, na_filter=False, engine="calamine")
     except ImportError as error:
         raise InputError(
             f"{path}: Excel files need the package python-calamine, which is not installed; install it, or save the "
@@ -30,6 +28,11 @@ def sheet_text(path: Path, sheet: str | None) -> str:
         ) from error
     except Exception as error:  # the parser raises whatever it stumbles over
         raise InputError(f"{path}: not readable ({' '.join(str(error).split())[:200]}); save it as CSV") from error
+
+
+def sheet_text(path: Path, sheet: str | None) -> str:
+    """A sheet of a workbook, by default the first, as the text of a CSV file with decimal points. Raises InputError."""
+    cells = read_sheet(path, sheet)
     text = io.StringIO()
     csv.writer(text).writerows([_cell(value) for value in row] for row in cells.itertuples(index=False))
     logging.info("%s: %d rows of sheet %s", path, len(cells), sheet or "1")
