@@ -44,7 +44,6 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*\Z")
 class Study:
     """Content of a study file; `mines` holds the checked configuration of every variant, by its name.
 
-    on_request: the target `verification` leaves the study out, since it takes too long; it is run by its own name.
     threads: threads of each stage; 64 takes all there are, and with 1 small scenes run side by side. events: whether
     the events of its steps are extracted. known_misses: rows that are known to miss their bound, by quantity.
     """
@@ -52,7 +51,6 @@ class Study:
     name: str
     answer: str
     title: str
-    on_request: bool
     threads: int
     events: bool
     allowed: dict[str, float]
@@ -126,7 +124,6 @@ def load_study(path: str | os.PathLike, default: dict | None = None) -> Study:
         name=path.stem,
         answer=text["answer"],
         title=text["title"],
-        on_request=bool(text.get("on_request", False)),
         threads=int(text.get("threads", 64)),
         events=bool(text.get("events", False)),
         allowed=text.get("allowed", {}),

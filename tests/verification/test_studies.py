@@ -49,7 +49,7 @@ def test_a_variant_changes_the_scene_and_nothing_else(tmp_path):
     assert (plain["seismic"]["link_length"], coarse["seismic"]["link_length"]) == (4.0, 16.0)  # 2 and 8 m cells
     assert coarse | {key: plain[key] for key in ("grid", "name", "seismic")} == plain
     assert plain["solver"]["damping"] == DEFAULT["solver"]["damping"]
-    assert (study.threads, study.on_request, study.events) == (64, False, False)
+    assert (study.threads, study.events) == (64, False)
 
 
 def test_known_misses_are_listed_by_row_with_their_cause(tmp_path):
@@ -115,7 +115,13 @@ def test_merging_replaces_what_is_no_mapping_by_a_mapping_and_the_other_way_roun
 
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)
 def test_every_study_of_the_project_is_well_formed(path):
-    study = load_study(path, DEFAULT)
+    """That of Elk Creek where its recorded data are."""
+    try:
+        study = load_study(path, DEFAULT)
+    except InputError as error:
+        if path.stem == "elk_creek" and "no Elk Creek data here" in str(error):
+            pytest.skip("no Elk Creek data")
+        raise
     assert study.title
     assert read_yaml(path)["about"]  # for whoever opens the file
 

@@ -22,7 +22,7 @@ from verification.plots import plot_errors, plot_series
 from verification.results import Results
 from verification.rows import Row
 
-NUMERICS = ("catalogs", "shaking")  # Folders that the results may change with.
+NUMERICS = ("shaking",)  # Folders that the results may change with.
 TABLES = (
     Pivot(
         "Share of drawn steps that exceed the velocity of a chance",
