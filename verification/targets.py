@@ -73,7 +73,7 @@ class Studies:
         return [f"{name}-{variant}" for name in self.named(start) for variant in self.read(name).mines]
 
     def verified(self) -> list[str]:
-        """Names of the studies that the target `verification` runs. Those on request are not read: they may lack data."""
+        """Names of the studies that the target `verification` runs. Others may lack data, so they are not read."""
         return [name for name in self.named("") if not read_yaml(self.file(name)).get("on_request", False)]
 
     def tables(self, wildcards: Wildcards) -> list[str]:
