@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from elk_creek_fixtures import ROOT, recorded_data
+from elk_creek_fixtures import ROOT, recorded_data, write_tiny_mine
 from workbooks import write_xlsx
 
 from common.errors import InputError
@@ -16,7 +16,9 @@ from response.observation_settings import ObservationSettings
 from response.readings import read_readings
 from workflow.mines import elk_creek_instruments as mine
 
+CONFIG = ROOT / "config/mines/elk_creek.yaml"
 DAY = pd.Timestamp("2010-09-01")
+HOURS = (0, 1, 2, 40 * 24)  # Of readings: in September, and the last in October.
 HEADER = ["Serial Date", "Date", "Time of day", "Data-logger number", "Time from zero time (hr)",
           "Distance from instrument site to face (ft)"]  # fmt: skip
 CELLS = ["BP1 cell pressure (psi)", "BP2 cell pressure (psi)", "NP1 cell pressure (psi)", "NP2 cell pressure (psi)"]
@@ -38,9 +40,9 @@ def serial(time: pd.Timestamp) -> float:
 
 
 def pressures(columns: list[list[float]], distances: list[float], pots: list[list[float]] | None = None) -> list[list]:
-    """Rows of a workbook of pressure cells, a reading each hour."""
+    """Rows of a workbook of pressure cells."""
     rows: list[list] = [["2 North Inby readings"], [""], [*HEADER, *CELLS, *(POTS if pots else [])]]
-    for hour, (distance, *values) in enumerate(zip(distances, *columns, *(pots or []), strict=True)):
+    for hour, distance, *values in zip(HOURS, distances, *columns, *(pots or []), strict=True):
         time = DAY + pd.Timedelta(hours=hour)
         rows.append([serial(time), time, time, 2.0, float(hour), float(distance), *(float(value) for value in values)])
     return rows
@@ -49,6 +51,7 @@ def pressures(columns: list[list[float]], distances: list[float], pots: list[lis
 @pytest.fixture
 def folder(tmp_path):
     """Recorded data of one site: a cell that is whole, one that breaks, one that was never set, one that leaks."""
+    write_tiny_mine(tmp_path)
     (tmp_path / "instrumentation.csv").write_text(LIST, encoding="utf-8-sig")
     columns = [[1000, 1100, 1200, 1300], [2000, 2100, -1515, 2200], [500, 500, 500, 500], [3000, 1400, 1400, 1400]]
     pots = [[0.5, 0.5, 0.4, 0.1], [0.0, 0.0, -0.1, -0.2]]
@@ -57,10 +60,8 @@ def folder(tmp_path):
     name = "2 North Inby Panel 2 BPC and String Pot Extensometer Raw Readings--Larson.xlsx"
     write_xlsx(tmp_path / mine.CELLS / name, pressures(columns, [-300, -200, -100, 0], pots), "Sheet1")
     rows = [["2 North Inby closure stations"], ["Date", "Floor point to roof point distance at station A (ft)"],
-            [DAY, 8.0], [DAY + pd.Timedelta("1D"), ""], [DAY + pd.Timedelta("2D"), 7.5]]  # fmt: skip
+            [DAY, 8.0], [DAY + pd.Timedelta("1D"), ""], [DAY + pd.Timedelta("40D"), 7.5]]  # fmt: skip
     write_xlsx(tmp_path / mine.STATIONS / "2 North Inby closure stations measurements.xlsx", rows, "Sheet1")
-    (tmp_path / "ims_events").mkdir()
-    (tmp_path / "ims_events" / "x.parquet").touch()
     return tmp_path
 
 
@@ -70,7 +71,7 @@ def test_pressure_cells_end_where_they_break(folder):
     assert [one.name for one in (whole, broken, leaking)] == ["BP1", "BP2", "NP2"]
     assert whole.readings["value"].tolist() == pytest.approx([1000 * 6894.757 * k for k in (1.0, 1.1, 1.2, 1.3)])
     assert whole.readings["face"].tolist() == pytest.approx([-91.44, -60.96, -30.48, 0.0])
-    assert whole.readings.index.tolist() == [DAY + pd.Timedelta(hours=n) for n in range(4)]
+    assert whole.readings.index.tolist() == [DAY + pd.Timedelta(hours=n) for n in HOURS]
     assert (len(broken.readings), len(leaking.readings)) == (2, 1)
     assert whole.place.tolist() == [100.0, 200.0]
     assert mine.read_pressure_cells(folder, "1") == []
@@ -90,22 +91,41 @@ def test_anchors_get_farther_from_the_roof(folder):
 
 
 def test_the_section_is_one_that_a_mine_file_takes(folder, tmp_path):
-    """Readings come back in SI units and UTC."""
+    """Instruments that were read in two steps; readings come back in SI units and UTC."""
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "workflow.mines.elk_creek_instruments", folder, out, "--elevation", "1810"]
-    own = {key: value for key, value in os.environ.items() if key != "ELK_CREEK_DATA"}
-    subprocess.run([*command, "--since", "2010-09"], check=True, cwd=ROOT, env=own)
+    done = command(folder, CONFIG, out)
+    assert (done.returncode, done.stdout) == (0, f"{out}: readings of 3 instruments, and instruments.yaml\n")
     given = yaml.safe_load((out / "instruments.yaml").read_text())["observations"]
     settings = ObservationSettings.of(given, "observations")
-    cell = next(one for one in settings.points if one.name == "2N_Inby_BP1_panel_2")
-    assert cell.at == (100.0, 200.0, 1810.0)
+    (cell,), (line,), (station,) = settings.points, settings.lines, settings.closures
+    assert (cell.name, cell.since, cell.at) == ("2N_Inby_BP1_panel_2", "2010-09", (100.0, 200.0, 1810.0))
     np.testing.assert_allclose(cell.axis.vector, [0.0, 0.0, -1.0], atol=1e-12)
     found = read_readings(cell.model_copy(update={"file": str(out / cell.file)}), "points.0")
     assert found.index[0] == pd.Timestamp("2010-09-01T06:00")  # Mountain daylight time.
     assert found["value"].iloc[-1] == pytest.approx(1300 * 6894.757, rel=1e-5)
-    (line,) = settings.lines
     assert (line.columns, line.anchors) == (("anchor_1.524", "anchor_6.096"), pytest.approx((1.524, 6.096)))
-    assert len(settings.closures) == 1
+    assert 0.5 * (station.start[2] + station.end[2]) == pytest.approx(1810.0)
+    assert station.end[2] - station.start[2] == pytest.approx(mine.GATE_ROAD, abs=1e-3)
+
+
+def command(folder, *arguments) -> subprocess.CompletedProcess:
+    words = [sys.executable, "-m", "workflow.mines.elk_creek_instruments", *arguments]
+    own = os.environ | {"ELK_CREEK_DATA": str(folder)}
+    return subprocess.run(words, cwd=ROOT, env=own, capture_output=True, text=True)
+
+
+def test_a_mine_without_instruments_is_one_line(folder, tmp_path):
+    done = command(folder, ROOT / "config/mines/template.yaml", tmp_path / "out")
+    assert done.returncode == 1
+    assert done.stderr.strip().endswith("excavations_from: missing; the instruments are those of the mine Elk Creek")
+    done = command(folder, CONFIG, tmp_path / "out", "--panel", "7")  # closures alone
+    assert done.stdout.startswith(f"{tmp_path / 'out'}: readings of 1 instruments")
+    for file in (folder / mine.STATIONS).iterdir():
+        file.unlink()
+    done = command(folder, CONFIG, tmp_path / "none", "--panel", "7")
+    assert done.returncode == 1
+    assert "no instrument beside panel 7 was read in two of its steps" in done.stderr.splitlines()[-1]
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.parametrize(

@@ -25,12 +25,11 @@ from verification.results import Results, Variant
 from verification.rows import Row
 from workflow import BASE
 from workflow.mines.elk_creek import read_panels
-from workflow.mines.elk_creek_instruments import Instrument, read_closure_stations, read_pressure_cells
+from workflow.mines.elk_creek_instruments import GATE_ROAD, Instrument, read_closure_stations, read_pressure_cells
 from workflow.mines.longwall import Panel, seconds
 
 VARIANT = re.compile(r"(?P<rock>\w+)_gob_(?P<gob>\d+)_panel_(?P<panel>\d)_(?P<place>inby|outby)")
 FITTED, JUDGED = "1", "2"  # Panels.
-GATE_ROAD = 2.6  # m, its height as the closure stations were first read.
 ALIKE = 4  # Instruments of panel 1 at the most similar distance from the rib, whose mean change is "as panel 1".
 DRAWS, LEVEL, SEED = 2000, 0.95, 66  # Of instruments, with replacement; of intervals; of the random generator.
 KINDS = {"cell": "stress (MPa)", "closure": "closure (mm)"}

@@ -2,9 +2,10 @@
 
 Pressure cells at four sites, each read while panels 1 and 2 passed, closure stations, and extensometers in the roof.
 
-    python -m workflow.mines.elk_creek_instruments data/elk_creek readings --elevation 1810 --since 2010-09
+    python -m workflow.mines.elk_creek_instruments config/mines/elk_creek.yaml readings
 
-writes a CSV file of readings for each instrument, and instruments.yaml, the section `observations` for a mine file.
+writes a CSV file for each instrument that has readings in the steps of the mine file, and instruments.yaml, the section
+`observations` for it. Instruments are zeroed at the end of the first dated step.
 
 What the files leave open: pressure cells hold the pressure of their oil, of which the change alone says something of
 the rock; nothing is said of its temperature, of the direction that a cell faces (taken as vertical: it measures
@@ -13,20 +14,26 @@ vertical stress), nor of the factor between the pressures of rock and cell. Date
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import yaml
 from numpy.typing import NDArray
 
 from catalogs.records.elk_creek_reader import data_folder, data_path
 from catalogs.records.excel_sheets import read_sheet
+from common.datasets import atomic_path
 from common.errors import InputError
+from response.readings import at_steps
+from workflow.configuration import load_mine
+from workflow.mines.elk_creek import GOB_HEIGHT, Seam, fit_seam
 
 FOOT, INCH, PSI = 0.3048, 0.0254, 6894.757  # m, m, Pa
 ZONE = "America/Denver"
+GATE_ROAD = 2.6  # m, its height as the closure stations were first read.
 SITES = {"1N Inby": "1 North Inby", "1N Outby": "1 North Outby", "2N Inby": "2 North Inby", "2N Outby": "2 North Outby"}
 CELLS = "instrumentation/borehole_pressure_cells_and_string_pots"
 STATIONS = "instrumentation/closures_and_mpbx_extensometers"
@@ -185,16 +192,27 @@ def _dates(days: pd.Series) -> pd.DatetimeIndex:
     return pd.DatetimeIndex(pd.to_datetime(days, errors="coerce"))
 
 
-def observations(instruments: Sequence[Instrument], elevation: float, since: str) -> dict:
-    """The section `observations`. elevation: of the middle of the seam, m. since: step at whose end they are zeroed."""
+def values_in_utc(one: Instrument) -> pd.DataFrame:
+    """Readings of an instrument in MPa or mm, by time in UTC without a zone."""
+    values = one.readings.drop(columns="face", errors="ignore") * (1e-6 if one.kind == "cell" else 1e3)
+    values.columns = [name if isinstance(name, str) else f"anchor_{name:g}" for name in values.columns]
+    local = values.index.tz_localize(ZONE, ambiguous="NaT", nonexistent="shift_forward")
+    values.index = local.tz_convert("UTC").tz_localize(None).rename("date")
+    return values[values.index.notna()]
+
+
+def observations(instruments: Sequence[Instrument], seam: Callable[[float, float], float], since: str) -> dict:
+    """The section `observations`. seam: elevation of the middle of the seam at (x, y), m; since: step at whose end the
+    instruments are zeroed."""
     section: dict[str, list[dict]] = {"points": [], "closures": [], "lines": []}
-    half = 0.5 * 8.5 * FOOT  # of a gate road's height, as the stations were first read
+    half = 0.5 * GATE_ROAD
     for one in instruments:
         shared = {"name": one.label, "file": f"{one.label}.csv", "since": since}
+        elevation = seam(*one.place)
         x, y = (f"{value:g} m" for value in one.place)
         low, high = (f"{elevation + side * half:.4f} m" for side in (-1.0, 1.0))
         if one.kind == "cell":
-            place = {"at": [x, y, f"{elevation:g} m"], "axis": {"trend": "0 deg", "plunge": "90 deg"}}
+            place = {"at": [x, y, f"{elevation:.4f} m"], "axis": {"trend": "0 deg", "plunge": "90 deg"}}
             section["points"].append(shared | place | {"units": "MPa", "error": CELL_ERROR})
         elif one.kind == "closure":
             place = {"start": [x, y, low], "end": [x, y, high]}
@@ -211,38 +229,49 @@ def observations(instruments: Sequence[Instrument], elevation: float, since: str
     return {"observations": {key: entries for key, entries in section.items() if entries}}
 
 
-def write(instruments: Sequence[Instrument], folder: Path, elevation: float, since: str) -> None:
-    """Write readings (UTC; MPa, mm) and instruments.yaml into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for one in instruments:
-        scale = 1e-6 if one.kind == "cell" else 1e3
-        values = one.readings.drop(columns="face", errors="ignore") * scale
-        values.columns = [name if isinstance(name, str) else f"anchor_{name:g}" for name in values.columns]
-        local = values.index.tz_localize(ZONE, ambiguous="NaT", nonexistent="shift_forward")
-        values.index = local.tz_convert("UTC").tz_localize(None).rename("date")
-        values[values.index.notna()].to_csv(
-            folder / f"{one.label}.csv", float_format="%.6g", date_format="%Y-%m-%dT%H:%M:%S"
+def write_for_mine(mine_file: Path, output: Path, panel: str) -> int:
+    """Write the readings and instruments.yaml for a mine file into a folder; returns how many instruments they are.
+
+    Raises InputError for a mine file without `excavations_from`, and where no instrument was read in its steps.
+    """
+    mine = load_mine(mine_file)
+    made = mine.settings.excavations_from
+    if made is None:
+        raise InputError(f"{mine_file}: excavations_from: missing; the instruments are those of the mine Elk Creek")
+    folder = data_folder(mine.path(made.folder), "excavations_from.folder")
+    steps = mine.observations_slice()["steps"]
+    since = next(step["name"] for step in steps if step["start"])
+    read = [*read_pressure_cells(folder, panel), *read_closure_stations(folder), *read_extensometers(folder, panel)]
+    tables = {one.label: values_in_utc(one) for one in read}
+    kept = [one for one in read if np.isfinite(at_steps(tables[one.label], steps, since)).any()]
+    if not kept:
+        raise InputError(
+            f"{mine_file}: excavations_from: no instrument beside panel {panel} was read in two of its steps"
         )
-    section = observations(instruments, elevation, since)
-    (folder / "instruments.yaml").write_text(yaml.safe_dump(section, sort_keys=False), encoding="utf-8")
+    height = made.gob_height or GOB_HEIGHT
+    plane = fit_seam(folder) if made.floor is None else Seam((0.0, 0.0), made.floor, 0.0, 0.0, 0.0)
+    section = observations(kept, lambda x, y: plane.elevation(x, y) + 0.5 * height, since)
+    output.mkdir(parents=True, exist_ok=True)
+    for one in kept:
+        with atomic_path(output / f"{one.label}.csv") as temporary:
+            tables[one.label].to_csv(temporary, float_format="%.6g", date_format="%Y-%m-%dT%H:%M:%S")
+    with atomic_path(output / "instruments.yaml") as temporary:
+        temporary.write_text(yaml.safe_dump(section, sort_keys=False), encoding="utf-8")
+    return len(kept)
 
 
 def main() -> None:
     """The command of the module's docstring."""
     parser = argparse.ArgumentParser(description="Instruments of Elk Creek as the section observations of a mine file.")
-    parser.add_argument("folder", type=Path, help="the recorded data, or where ELK_CREEK_DATA says")
+    parser.add_argument("mine_file", type=Path, help="a mine file whose excavations_from reads the Elk Creek data")
     parser.add_argument("output", type=Path, help="folder for the readings and instruments.yaml")
-    parser.add_argument("--panel", default="2", help="panel whose passing the pressure cells read (default 2)")
-    parser.add_argument("--elevation", type=float, required=True, help="of the middle of the seam in the model, m")
-    parser.add_argument("--since", required=True, help="step at whose end the instruments are zeroed")
+    parser.add_argument("--panel", default="2", help="panel whose passing pressure cells and string pots read (2)")
     given = parser.parse_args()
     try:
-        folder = data_folder(given.folder, "folder")
-        cells = read_pressure_cells(folder, given.panel)
-        others = [*read_closure_stations(folder), *read_extensometers(folder, given.panel)]
-        write([*cells, *others], given.output, given.elevation, given.since)
+        count = write_for_mine(given.mine_file, given.output, given.panel)
     except InputError as error:
         raise SystemExit(str(error)) from error
+    print(f"{given.output}: readings of {count} instruments, and instruments.yaml")
 
 
 if __name__ == "__main__":
