@@ -71,11 +71,14 @@ def oldest(made: Iterable[Made]) -> Made:
 def is_older(commit: str, folders: Iterable[str] = NUMERICS) -> bool:
     """True if folders changed since a commit, or if that is not known; of PINS, what is pinned of the mechanics.
 
-    Changes that were not committed when a table was made count if they are committed now.
+    Changes that were not committed when a table was made count if they are committed now. What was pinned later only
+    does not count.
     """
     commit, folders = commit.removesuffix(DIRTY), list(folders)
-    if PINS in folders and ((before := pinned_mechanics(commit)) is None or before != pinned_mechanics("HEAD")):
-        return True
+    if PINS in folders:
+        before, now = pinned_mechanics(commit), pinned_mechanics("HEAD")
+        if before is None or now is None or any(now.get(path) != pins for path, pins in before.items()):
+            return True
     others = [folder for folder in folders if folder != PINS]
     return bool(others) and _git("log", "-1", "--format=%h", f"{commit}..HEAD", "--", *others) != ""
 

@@ -42,12 +42,13 @@ def run(mine_file: Path, folder: Path, *targets: str) -> Path:
 
 
 def run_tiny_mines(folder: Path) -> dict[str, Path]:
-    """A mine in space with every branch, the same with a month more and its plan as a forecast, one in plane strain."""
+    """A mine in space with every branch, the same with a month more and its plan as a forecast, two in plane strain."""
     files = shutil.copytree(TINY_MINES, folder / "files")
     own = run(files / "tiny.yaml", folder / "tiny", *ALL_BRANCHES) / "tiny"
     shutil.copy(own / "plans/longer/outcome.nc", files)
     later = run(files / "later.yaml", folder / "later", "results/tiny/report.html") / "tiny"
-    return {"tiny": own, "later": later, "flat": run(files / "flat.yaml", folder / "flat") / "flat"}
+    flat, laws = (run(files / f"{name}.yaml", folder / name) / name for name in ("flat", "laws"))
+    return {"tiny": own, "later": later, "flat": flat, "laws": laws}
 
 
 def run_demo(folder: Path) -> dict[str, Path]:

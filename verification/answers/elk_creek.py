@@ -30,10 +30,12 @@ from workflow.mines.longwall import Panel, seconds
 
 VARIANT = re.compile(r"(?P<rock>\w+)_gob_(?P<gob>\d+)_panel_(?P<panel>\d)_(?P<place>inby|outby)")
 FITTED, JUDGED = "1", "2"  # Panels.
+DEEP = 6.0  # m from the entry along the borehole, beyond the coal of the ribs that yields around entries.
 ALIKE = 4  # Instruments of panel 1 at the most similar distance from the rib, whose mean change is "as panel 1".
 DRAWS, LEVEL, SEED = 2000, 0.95, 66  # Of instruments, with replacement; of intervals; of the random generator.
 KINDS = {"cell": "stress (MPa)", "closure": "closure (mm)"}
-AS_PANEL_1, UNCHANGED = "as panel 1", "no change"
+AS_PANEL_1, UNCHANGED, UNSCALED = "as panel 1", "no change", "mine file, factor 1"
+AS_IN_MINE_FILE = "brittle", "30"  # Rock, and stiffness of the gob, MPa.
 TABLES = (
     Pivot(
         "Mean error of the change on panel 1",
@@ -57,6 +59,11 @@ class Passing:
     rib: NDArray
     change: NDArray
     first: NDArray
+
+    def some(self, chosen: NDArray) -> "Passing":
+        """Those of the instruments that are chosen (instrument,) bool."""
+        kept = [one for one, keep in zip(self.instruments, chosen, strict=True) if keep]
+        return Passing(self.panel, kept, self.rib[chosen], self.change[chosen], self.first[chosen])
 
     @property
     def compared(self) -> NDArray:
@@ -83,6 +90,14 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
         modelled = modelled_changes(results.variants, passed, settings["elevation"], stages)
         made, shown[what] = scores(what, passed, modelled)
         rows += made
+        if kind == "cell":
+            deep = {name: np.array([cell.depth >= DEEP for cell in own.instruments]) for name, own in passed.items()}
+            chosen = {name: own.some(deep[name]) for name, own in passed.items()}
+            of_deep = {
+                key: {name: change[deep[name]] for name, change in by_panel.items()}
+                for key, by_panel in modelled.items()
+            }
+            rows += scores(f"{what}, cells at {DEEP:g} m and deeper", chosen, of_deep)[0]
     return rows, draw(shown, stages)
 
 
@@ -207,11 +222,43 @@ def as_earlier(fitted: Passing, judged: Passing) -> NDArray:
 
 
 @dataclass(frozen=True)
+class Model:
+    """Rock and gob with their factor and mean error on panel 1; changes (instrument, stage) without factor by panel."""
+
+    rock: str
+    gob: str
+    factor: float
+    error: NDArray
+    changes: Mapping[str, NDArray]
+
+    @property
+    def name(self) -> str:
+        return f"{self.rock} rock, gob of {self.gob} MPa"
+
+    @property
+    def misfit(self) -> float:
+        """Mean error on panel 1."""
+        return float(np.nanmean(self.error))
+
+
+@dataclass(frozen=True)
 class Shown:
-    """Panel 2 for the figure: measured changes and predictions (instrument, stage), by name."""
+    """Panel 2 for the figure: measured changes and predictions (instrument, stage), by name; name of the chosen one."""
 
     measured: NDArray
     predicted: dict[str, NDArray]
+    chosen: str
+
+
+def fit_models(fitted: Passing, modelled: Mapping[tuple[str, str], Mapping[str, NDArray]]) -> list[Model]:
+    """Each rock and gob with the factor that fits panel 1 best."""
+    models = []
+    for (rock, gob), changes in modelled.items():
+        used = fitted.compared & np.isfinite(changes[FITTED])
+        factor = factor_of(fitted.change[used], changes[FITTED][used])
+        error = np.where(used, np.abs(fitted.change - factor * changes[FITTED]), np.nan)
+        models.append(Model(rock, gob, factor, error, changes))
+    return models
 
 
 def scores(
@@ -219,58 +266,48 @@ def scores(
 ) -> tuple[list[Row], Shown]:
     """Rows of both panels. what: quantity and unit."""
     fitted, judged = passed[FITTED], passed[JUDGED]
-    rows, misfit, factor = [], {}, {}
-    for (rock, gob), by_panel in modelled.items():
-        used = fitted.compared & np.isfinite(by_panel[FITTED])
-        if not used.any():
-            continue
-        name = f"{rock} rock, gob of {gob} MPa"
-        factor[name] = factor_of(fitted.change[used], by_panel[FITTED][used])
-        error = np.where(used, np.abs(fitted.change - factor[name] * by_panel[FITTED]), np.nan)
-        misfit[name] = float(np.nanmean(error))
-        remark = f"factor {factor[name]:.3g}; {_counts(used)}; {_interval(error)}"
-        rows.append(_row(f"panel 1, {name}: mean error, {what}", misfit[name], remark))
+    models = fit_models(fitted, modelled)
+    rows = [
+        _row(f"panel 1, {one.name}: mean error, {what}", one.misfit, f"factor {one.factor:.3g}; {_interval(one.error)}")
+        for one in models
+    ]
     unchanged = np.where(fitted.compared, np.abs(fitted.change), np.nan)
     rows.append(_row(f"panel 1, {UNCHANGED}: mean error, {what}", float(np.nanmean(unchanged)), _interval(unchanged)))
-    chosen = min(misfit, key=misfit.__getitem__)
-    elastic = min((name for name in misfit if name.startswith("elastic")), key=misfit.__getitem__)
-    changes = {f"{rock} rock, gob of {gob} MPa": by_panel for (rock, gob), by_panel in modelled.items()}
-    predicted = {
-        "chosen model": factor[chosen] * changes[chosen][JUDGED],
-        "elastic rock": factor[elastic] * changes[elastic][JUDGED],
+    best = [
+        min((one for one in models if one.rock == rock), key=lambda one: one.misfit) for rock in ("brittle", "elastic")
+    ]
+    chosen = min(best, key=lambda one: one.misfit)
+    mine = next(one for one in models if (one.rock, one.gob) == AS_IN_MINE_FILE)
+    predicted = {f"{one.rock} rock": one.factor * one.changes[JUDGED] for one in best} | {
+        UNSCALED: mine.changes[JUDGED],
         AS_PANEL_1: as_earlier(fitted, judged),
         UNCHANGED: np.zeros(judged.change.shape),
     }
+    remarks = {f"{one.rock} rock": f"gob of {one.gob} MPa, factor {one.factor:.3g}" for one in best}
+    winner = f"{chosen.rock} rock"
+    remarks[winner] += ", chosen on panel 1"
     used = judged.compared & np.all([np.isfinite(values) for values in predicted.values()], axis=0)
     errors = {name: np.where(used, np.abs(judged.change - values), np.nan) for name, values in predicted.items()}
-    remarks = {
-        "chosen model": f"{chosen}, factor {factor[chosen]:.3g}",
-        "elastic rock": f"{elastic}, factor {factor[elastic]:.3g}",
-    }
     for name, error in errors.items():
         remark = "; ".join(filter(None, [remarks.get(name, ""), _counts(used), _interval(error)]))
         rows.append(_row(f"panel 2, {name}: mean error, {what}", float(np.nanmean(error)), remark))
-    for name in list(errors)[1:]:
-        less = errors["chosen model"] - errors[name]
-        rows.append(
-            _row(f"panel 2, chosen model less {name}: mean error, {what}", float(np.nanmean(less)), _interval(less))
-        )
-    for name in list(errors)[:3]:
+    for name in (name for name in errors if name != winner):
+        less = errors[winner] - errors[name]
+        quantity = f"panel 2, {winner} (chosen) less {name}: mean error, {what}"
+        rows.append(_row(quantity, float(np.nanmean(less)), _interval(less)))
+    for name in (name for name in errors if name != UNCHANGED):
         rank = float(spearmanr(judged.change[used], predicted[name][used]).statistic)
         rows.append(_row(f"panel 2, {name}: rank correlation of the changes, {what}", rank, _counts(used)))
-    rows.append(
-        _row(
-            f"panel 2, chosen model: share of changes within a {LEVEL:.0%} interval, {what}",
-            *_held(fitted, judged, changes[chosen], factor[chosen]),
-        )
-    )
-    return rows, Shown(np.where(judged.compared, judged.change, np.nan), predicted)
+    for one in best:
+        quantity = f"panel 2, {one.rock} rock: share of changes within a {LEVEL:.0%} interval, {what}"
+        rows.append(_row(quantity, *_held(fitted, judged, one)))
+    return rows, Shown(np.where(judged.compared, judged.change, np.nan), predicted, winner)
 
 
-def _held(fitted: Passing, judged: Passing, changes: Mapping[str, NDArray], factor: float) -> tuple[float, str]:
+def _held(fitted: Passing, judged: Passing, model: Model) -> tuple[float, str]:
     """Share of panel 2's changes within the interval of panel 1's residuals at the same distances, and how many."""
-    residual = np.where(fitted.compared, fitted.change - factor * changes[FITTED], np.nan)
-    left = judged.change - factor * changes[JUDGED]
+    residual = np.where(fitted.compared, fitted.change - model.factor * model.changes[FITTED], np.nan)
+    left = judged.change - model.factor * model.changes[JUDGED]
     inside, of = 0, 0
     for stage in range(residual.shape[1]):
         own, later = residual[:, stage], left[judged.compared[:, stage], stage]
@@ -299,7 +336,7 @@ def _interval(values: NDArray) -> str:
 
 
 def draw(shown: Mapping[str, Shown], stages: NDArray) -> Figure:
-    """Panel 2: medians by the distance of the face, and each change beside the chosen model's."""
+    """Panel 2: medians by the distance of the face, and each change beside that of the model chosen on panel 1."""
     figure = style.new_figure(height=6.0)
     for row, (what, one) in enumerate(shown.items()):
         by_stage, scatter = (figure.add_subplot(len(shown), 2, 2 * row + side) for side in (1, 2))
@@ -318,12 +355,12 @@ def draw(shown: Mapping[str, Shown], stages: NDArray) -> Figure:
         by_stage.set_xlabel("distance of the face past the instrument (m)")
         by_stage.set_ylabel(f"change of {what}")
         by_stage.legend(fontsize=7)
-        chosen = one.predicted["chosen model"]
+        chosen = one.predicted[one.chosen]
         points = scatter.scatter(chosen, one.measured, c=np.broadcast_to(stages, chosen.shape), s=12, cmap="viridis")
         both = np.isfinite(chosen) & np.isfinite(one.measured)
         ends = [min(chosen[both].min(), one.measured[both].min()), max(chosen[both].max(), one.measured[both].max())]
         scatter.plot(ends, ends, color=style.OUTLINE, linewidth=0.8)
-        scatter.set_xlabel(f"chosen model, change of {what}")
+        scatter.set_xlabel(f"{one.chosen} (chosen on panel 1), change of {what}")
         scatter.set_ylabel(f"measured change of {what}")
         figure.colorbar(points, ax=scatter, label="distance of the face (m)")
     return figure

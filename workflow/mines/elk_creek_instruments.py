@@ -13,6 +13,7 @@ vertical stress), nor of the factor between the pressures of rock and cell. Date
 """
 
 import argparse
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -52,7 +53,8 @@ CELL_ERROR, LENGTH_ERROR = "0.1 MPa", "1 mm"  # Of one reading, ours: steps of t
 class Instrument:
     """An instrument and its readings.
 
-    site: key of SITES. name: as the mine lists it. place (xy,) m. readings: by local time, columns `value` (Pa or m)
+    site: key of SITES. name: as the mine lists it. place (xy,) m. depth: of a cell in its borehole from the entry, m.
+    readings: by local time, columns `value` (Pa or m)
     or, of an extensometer, one for each depth of an anchor (m) with how much farther it is from the roof; of pressure
     cells also `face`, the distance (m) of the face past the site, negative before.
     """
@@ -63,6 +65,7 @@ class Instrument:
     place: NDArray
     readings: pd.DataFrame
     panel: str = ""
+    depth: float = math.nan
 
     @property
     def label(self) -> str:
@@ -76,7 +79,9 @@ def read_places(folder: Path) -> pd.DataFrame:
     try:
         table = pd.read_csv(path, encoding="utf-8-sig")
         table["sensor"] = table["sensor"].str.replace(r"^(M\d)-1$", r"\1", regex=True)  # so named at one of both sites
-        return table.set_index(["location", "sensor", "type"])[["easting", "northing", "set pressure"]]
+        return table.set_index(["location", "sensor", "type"])[
+            ["easting", "northing", "borehole depth", "set pressure"]
+        ]
     except (OSError, ValueError, KeyError, pd.errors.ParserError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{path}: not the list of instruments ({reason}); copy it again") from error
@@ -106,7 +111,8 @@ def read_pressure_cells(folder: Path, panel: str) -> list[Instrument]:
             readings = readings[readings.index.notna()].sort_index(kind="stable").dropna()
             place = listed[["easting", "northing"]].to_numpy(float)
             if len(whole := _until_broken(readings)):
-                cells.append(Instrument(site, found["name"], "cell", place, whole, panel))
+                depth = float(listed["borehole depth"])
+                cells.append(Instrument(site, found["name"], "cell", place, whole, panel, depth))
     return cells
 
 
