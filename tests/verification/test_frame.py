@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
@@ -126,7 +127,7 @@ def jaeger(tmp_path, monkeypatch):
         figure = style.new_figure(4.0, 2.0)
         figure.add_subplot().plot([0, 1])
         misses = {quantity: KnownMiss(CAUSE, at_most) for quantity, at_most in known.items()}
-        study = Study("jaeger", "jaeger", "Jaeger", False, 1, False, {}, {}, misses, {})
+        study = Study("jaeger", "jaeger", "Jaeger", 1, False, {}, {}, misses, {})
         monkeypatch.setattr(frame, "load_study", lambda path: study)
         monkeypatch.setattr("verification.answers.jaeger.answer", lambda results: (rows_of(3.0), figure))
         paths = [tmp_path / "results" / name for name in ("table.csv", "figure.svg", "costs.csv")]
@@ -215,7 +216,7 @@ def git(folder: Path, *words: str) -> str:
 
 
 @pytest.fixture
-def checkout(tmp_path, monkeypatch) -> Path:
+def checkout(tmp_path, monkeypatch) -> Iterator[Path]:
     """A checkout with one commit of pinned results, which takes the place of this one."""
     monkeypatch.setattr(made, "ROOT", tmp_path)
     made.pinned_mechanics.cache_clear()
@@ -227,7 +228,8 @@ def checkout(tmp_path, monkeypatch) -> Path:
     (tmp_path / "catalogs/law.py").write_text("one\n")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-q", "-m", "one")
-    return tmp_path
+    yield tmp_path
+    made.pinned_mechanics.cache_clear()
 
 
 def write_pins(golden: Path, state: str, page: str) -> None:
