@@ -87,7 +87,7 @@ def made_up(changes: dict[str, dict], limit: tuple = ()) -> SceneRuns:
             )
         )
     chosen = {"main": "potency", "base": "base", "limit": list(limit)}
-    study = Study("made_up", "tradeoff", "Made up", True, 1, True, {}, chosen, {}, {})
+    study = Study("made_up", "tradeoff", "Made up", 1, True, {}, chosen, {}, {})
     return SceneRuns(study, Points({}, points))
 
 
