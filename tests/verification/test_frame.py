@@ -215,8 +215,15 @@ def git(folder: Path, *words: str) -> str:
     return subprocess.run(["git", "-C", folder, *names, *words], capture_output=True, text=True, check=True).stdout
 
 
+@pytest.fixture(autouse=True)
+def no_pins_of_another_checkout() -> Iterator[None]:
+    """Tests after this one read those of the project again."""
+    yield
+    made.pinned_mechanics.cache_clear()
+
+
 @pytest.fixture
-def checkout(tmp_path, monkeypatch) -> Iterator[Path]:
+def checkout(tmp_path, monkeypatch) -> Path:
     """A checkout with one commit of pinned results, which takes the place of this one."""
     monkeypatch.setattr(made, "ROOT", tmp_path)
     made.pinned_mechanics.cache_clear()
@@ -228,8 +235,7 @@ def checkout(tmp_path, monkeypatch) -> Iterator[Path]:
     (tmp_path / "catalogs/law.py").write_text("one\n")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-q", "-m", "one")
-    yield tmp_path
-    made.pinned_mechanics.cache_clear()
+    return tmp_path
 
 
 def write_pins(golden: Path, state: str, page: str) -> None:
