@@ -273,9 +273,8 @@ def scores(
     ]
     unchanged = np.where(fitted.compared, np.abs(fitted.change), np.nan)
     rows.append(_row(f"panel 1, {UNCHANGED}: mean error, {what}", float(np.nanmean(unchanged)), _interval(unchanged)))
-    best = [
-        min((one for one in models if one.rock == rock), key=lambda one: one.misfit) for rock in ("brittle", "elastic")
-    ]
+    rocks = dict.fromkeys(one.rock for one in models)
+    best = [min((one for one in models if one.rock == rock), key=lambda one: one.misfit) for rock in rocks]
     chosen = min(best, key=lambda one: one.misfit)
     mine = next(one for one in models if (one.rock, one.gob) == AS_IN_MINE_FILE)
     predicted = {f"{one.rock} rock": one.factor * one.changes[JUDGED] for one in best} | {
