@@ -97,7 +97,9 @@ def answer(results: Results) -> tuple[list[Row], Figure]:
                 key: {name: change[deep[name]] for name, change in by_panel.items()}
                 for key, by_panel in modelled.items()
             }
-            rows += scores(f"{what}, cells at {DEEP:g} m and deeper", chosen, of_deep)[0]
+            what = f"stress, cells at {DEEP:g} m and deeper (MPa)"
+            made, shown[what] = scores(what, chosen, of_deep)
+            rows += made
     return rows, draw(shown, stages)
 
 
@@ -336,7 +338,7 @@ def _interval(values: NDArray) -> str:
 
 def draw(shown: Mapping[str, Shown], stages: NDArray) -> Figure:
     """Panel 2: medians by the distance of the face, and each change beside that of the model chosen on panel 1."""
-    figure = style.new_figure(height=6.0)
+    figure = style.new_figure(height=9.0)
     for row, (what, one) in enumerate(shown.items()):
         by_stage, scatter = (figure.add_subplot(len(shown), 2, 2 * row + side) for side in (1, 2))
         for series in one.measured:
@@ -352,14 +354,14 @@ def draw(shown: Mapping[str, Shown], stages: NDArray) -> Figure:
             median = np.nanmedian(values[:, known], axis=0)
             by_stage.plot(stages[known], median, marker="o", markersize=3, label=name, color=color, linewidth=1.8)
         by_stage.set_xlabel("distance of the face past the instrument (m)")
-        by_stage.set_ylabel(f"change of {what}")
+        by_stage.set_ylabel("change of " + what.replace(", ", ",\n"))
         by_stage.legend(fontsize=7)
         chosen = one.predicted[one.chosen]
         points = scatter.scatter(chosen, one.measured, c=np.broadcast_to(stages, chosen.shape), s=12, cmap="viridis")
         both = np.isfinite(chosen) & np.isfinite(one.measured)
         ends = [min(chosen[both].min(), one.measured[both].min()), max(chosen[both].max(), one.measured[both].max())]
         scatter.plot(ends, ends, color=style.OUTLINE, linewidth=0.8)
-        scatter.set_xlabel(f"{one.chosen} (chosen on panel 1), change of {what}")
-        scatter.set_ylabel(f"measured change of {what}")
+        scatter.set_xlabel(f"change in {one.chosen} (chosen on panel 1)")
+        scatter.set_ylabel("measured change")
         figure.colorbar(points, ax=scatter, label="distance of the face (m)")
     return figure
