@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from common.voigt import tensor_from_voigt
 from mpm_core.scene.scene import InsituStress
@@ -111,11 +112,14 @@ class Unloaded:
     area: NDArray
 
 
-def unload(before: Rock | None, after: Rock, walls: Walls, virgin: InsituStress, kept: NDArray) -> Unloaded:
+def unload(
+    before: Rock | None, after: Rock, walls: Walls, virgin: InsituStress, filled: NDArray, pressure: NDArray
+) -> Unloaded:
     """Traction and motion of new walls (point,), with rock behind them after the step.
 
-    before: None for the first step, whose rock has the virgin stress. kept (point,) bool: fill or a pressure acts on
-    the wall after the step; elsewhere nothing does. Walls that were walls of another opening already count nothing.
+    before: None for the first step, whose rock has the virgin stress. filled (point,) bool: the step fills the opening;
+    pressure (point,) Pa: acts on the wall after the step. Walls that were walls of another opening already count
+    nothing.
     """
     moved = np.nan_to_num(wall_displacement(after, walls))
     if before is None:
@@ -126,15 +130,31 @@ def unload(before: Rock | None, after: Rock, walls: Walls, virgin: InsituStress,
         was_rock = (what == INTACT) | (what == FAILED)
         stress = np.zeros((len(walls), 6))
         stress[was_rock] = fitted_stress(before, walls.place[was_rock])[0]
-    if (kept & was_rock).any():
-        chosen = np.flatnonzero(kept & was_rock)
-        stress[chosen] -= fitted_stress(after, walls.place[chosen])[0]
+    if filled.any():
+        stress[filled] -= fill_stress(after, walls.place[filled])
+    stress[:, :3] += pressure[:, None]
     gone = np.einsum("pij,pj->pi", tensor_from_voigt(stress), walls.normal)
     return Unloaded(
         work=np.where(was_rock, np.einsum("pi,pi->p", gone, moved), 0.0),
         square=np.where(was_rock, np.einsum("pi,pi->p", gone, gone), 0.0),
         area=np.where(was_rock, walls.area, 0.0),
     )
+
+
+def fill_stress(rock: Rock, place: NDArray) -> NDArray:
+    """Stress (n, 6) Pa of the fill nearest to points (n, xyz) m, 0 where there is none. Fill in cells with rock has the
+    strain of that rock, so it counts only without any other."""
+    state, axes = rock.state, rock.axes
+    volume, is_fill = state["volume"].values, state["excavation"].values >= 0
+    has_rock = np.zeros(len(rock.grid.cell_level), bool)
+    has_rock[state["cell"].values[(volume > 0.0) & ~is_fill]] = True
+    fill = np.flatnonzero((volume > 0.0) & is_fill)
+    alone = fill[~has_rock[state["cell"].values[fill]]]
+    own = alone if len(alone) else fill
+    if not len(own):
+        return np.zeros((len(place), 6))
+    nearest = cKDTree(state["position"].values[own][:, axes]).query(place[:, axes])[1]
+    return state["stress"].values[own[nearest]]
 
 
 def plastic_work_density(state: xr.Dataset) -> NDArray:

@@ -18,8 +18,8 @@ from common.loading_table import ALL, FIELDS, OPENING, PLANE, STEP
 from mpm_core.geometry.solids import Solid
 from mpm_core.geometry.thickness import MAX_CELLS_MEASURED, thickness_of
 from mpm_core.scene.scene import InsituStress
-from response.energy_release import Balance, mined_rock, plastic_work_density, unload
 from response.energy_release import VARIABLES as ENERGY_VARIABLES
+from response.energy_release import Balance, mined_rock, plastic_work_density, unload
 from response.excess_shear import find_excess
 from response.loading_settings import ENERGY, PLASTIC, SHEAR, STIFFNESS, LoadingSettings, LoadingSlice
 from response.rock import VARIABLES as ROCK_VARIABLES
@@ -48,7 +48,8 @@ def loading_table(
     entries = {entry.name: entry for entry in settings.excavations}
     place = {name: number for number, name in enumerate(settings.steps)}
     mined = np.array([place.get(entries[name].mined, -1) for name in names])
-    held = np.array([entries[name].held for name in names], bool)
+    filled = np.array([entries[name].filled for name in names], bool)
+    pressure = np.array([entries[name].pressure for name in names])
     walls = sample_walls(grid, [None] * len(names))
     walls = walls.at(np.flatnonzero(mined[walls.excavation] >= 0))
     stress = settings.insitu
@@ -63,7 +64,9 @@ def loading_table(
         new = here.at(np.flatnonzero(mined[here.excavation] == number))
         balance = Balance.of([elastic, state] if number == 0 else [state])
         gone = mined_rock(grid, mined, number, before, virgin if number == 0 else None)
-        unloaded = unload(None if number == 0 else before, rock, new, virgin, held[new.excavation])
+        unloaded = unload(
+            None if number == 0 else before, rock, new, virgin, filled[new.excavation], pressure[new.excavation]
+        )
         area, work, square = (
             np.bincount(new.excavation, values * unloaded.area, minlength=len(names))
             for values in (np.ones(len(new)), unloaded.work, unloaded.square)

@@ -79,12 +79,13 @@ class LoadingSettings(Settings):
 
 
 class LoadedOpening(Settings):
-    """An excavation: its name, the step that mines it (empty where none does), and whether fill or a pressure acts on
-    its walls from that step on."""
+    """An excavation: its name, the step that mines it (empty where none does), whether this step fills it, too, and the
+    pressure (Pa) on its walls at the end of the step."""
 
     name: str
     mined: str
-    held: bool
+    filled: bool
+    pressure: float
 
 
 class LoadingSlice(Settings):

@@ -351,16 +351,14 @@ class Mine(MineConfiguration):
         return {"observations": made, "steps": steps, "excavations": mined}
 
     def loading_slice(self) -> dict:
-        """Settings of stage `loading`: measures and planes, steps, what they mine and what holds its walls, virgin
-        stress."""
+        """Settings of stage `loading`: measures, steps, what they mine and what then holds its walls, virgin stress."""
         steps, excavations = self.mined_steps, []
         for entry in self.excavations:
             mined = entry.step if entry.step in steps else ""
-            filled_at_once = entry.fill_material is not None and entry.fill_step == entry.step
-            pressed = any(step <= self.step_index(entry.step) and value > 0.0 for step, value in self.pressure(entry))
-            excavations.append(
-                {"name": entry.name, "mined": mined, "held": bool(mined) and (filled_at_once or pressed)}
-            )
+            filled = entry.fill_material is not None and entry.fill_step == entry.step
+            begins = dict(map(tuple, self.pressure(entry)))
+            pressure = 0.0 if filled else begins.get(self.step_index(entry.step), 0.0)
+            excavations.append({"name": entry.name, "mined": mined, "filled": filled, "pressure": pressure})
         return {
             "loading_measures": self.settings.loading_measures.given() if self.settings.loading_measures else {},
             "steps": steps,
