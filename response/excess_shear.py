@@ -48,7 +48,7 @@ def find_excess(rock: Rock, plane: ShearPlane, friction_angle: float) -> OnPlane
     if plane.material is not None:
         return _of_material(rock, plane.material, friction_angle)
     own = Plane.of(plane.point, plane.strike, plane.dip)
-    offsets, area = _offsets(plane.radius, rock.edge)
+    offsets, area = disc_points(plane.radius, rock.edge)
     points = own.places(offsets)
     what, _ = rock.what(points)
     there = np.flatnonzero((what == INTACT) | (what == FAILED))
@@ -58,7 +58,7 @@ def find_excess(rock: Rock, plane: ShearPlane, friction_angle: float) -> OnPlane
     return _summary(found, points, np.full(len(points), area), at_point=float(found[0]), is_area=True)
 
 
-def _offsets(radius: float | None, cell: float) -> tuple[NDArray, float]:
+def disc_points(radius: float | None, cell: float) -> tuple[NDArray, float]:
     """Points (n, 2) m of a disc, half of a cell or more apart, the middle first; and the area (m2) of each."""
     if radius is None:
         return np.zeros((1, 2)), np.nan
