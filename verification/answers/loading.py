@@ -135,8 +135,9 @@ def shear_rows(name: str, variant: Variant, allowed: dict[str, float]) -> list[R
         points = points[(np.linalg.norm(points, axis=1) > sphere.radius) & (points > 0.0).all(axis=1)]
         exact = excess_shear_stress(voigt_from_tensor(sphere.stress(points)), own.toward, settings.dynamic_friction)
         above = exact[exact > 0.0]
-        known = {"ess_at_point": exact[0]} if plane.radius is None else {}
-        known |= {"ess_largest": exact.max(), "ess_mean": above.mean()} if plane.radius is not None else {}
+        known = {"ess_largest": exact.max(), "ess_mean": above.mean()}
+        if plane.radius is None:
+            known = {"ess_at_point": exact[0]}
         for column, expected in known.items():
             obtained = value(table, column, name=plane.name)
             quantity = (
