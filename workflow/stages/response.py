@@ -48,6 +48,17 @@ def observations(job: Job) -> None:
 @stage("response", settings=lambda mine, wildcards: mine.loading_slice())
 def loading(job: Job) -> None:
     """Energy that mining releases, plastic work, loading stiffness and excess shear stress, by step and opening"""
+    _measure_loading(job)
+
+
+@stage("response")
+def plan_loading(job: Job) -> None:
+    """Energy that mining by a plan releases, plastic work, loading stiffness and excess shear stress"""
+    _measure_loading(job)
+
+
+def _measure_loading(job: Job) -> None:
+    """Write the table of loading measures of a mine or of a plan."""
     from common.datasets import write_dataset
     from common.loading_table import FIELDS
     from response.loading import read_and_measure
