@@ -1,7 +1,7 @@
 """Loading measures of a widening slit and of a sphere, against their closed forms.
 
 A slit of half-width a in plane strain under the pressure p, with E' = E / (1 - nu^2), releases pi p^2 a^2 / E' per
-metre, as its walls close by 4 p sqrt(a^2 - x^2) / E' (Salamon 1968, Rock mechanics of underground excavations); so
+metre, as its walls close by 4 p sqrt(a^2 - x^2) / E' (Salamon 1968, Int. J. Rock Mech. Min. Sci. 5, 159); so
 widening releases the difference, and its stiffness, p over the mean motion of a wall, is 2 E' / (pi a).
 
 A sphere of radius a takes V s0 : C^-1 : s0 / 2 along and releases V s0 : e / 2 through its wall, with the strain e of
