@@ -141,6 +141,7 @@ def test_a_widening_slit_releases_the_difference(tmp_path):
 
 
 # A sphere in all-round compression p: its wall moves by p a / (4 G), whatever was mined within it before.
+POINT = {"name": "dyke", "point": ["9 m", "0 m", "0 m"], "strike": "0 deg", "dip": "60 deg"}
 SPHERE = {
     "half": 32.0,
     "grid": {"coarse_cell": "4 m", "levels": 3, "buffer_cells": 2},
@@ -274,6 +275,18 @@ def test_energy_of_a_step_is_that_of_its_openings(asymmetric):
     assert min(part["energy_released"] for part in parts[1:]) > 0.1 * whole["energy_released"]
 
 
+def test_openings_that_are_far_apart_share_a_step_as_if_each_were_alone(tmp_path):
+    """Two spheres of one step, of which one has about five times the energy: each has what its own run releases."""
+    small = ball("small", 3, fill="none") | {"center": ["-16 m", "-16 m", "-16 m"]}
+    large = ball("large", 5, fill="none") | {"center": ["14 m", "14 m", "14 m"]}
+    both = measured(tmp_path / "both", [small, large], **SPHERE)[3]
+    for one, name in ((small, "small"), (large, "large")):
+        alone = row(measured(tmp_path / name, [one], **SPHERE)[3], "history")
+        found = row(both, "history", name)
+        for key in ("energy_mined", "energy_released", "loading_stiffness"):
+            assert found[key] == pytest.approx(alone[key], rel=0.03), key
+
+
 def test_overlapping_excavations_mine_their_rock_once(tmp_path):
     """Of one step half each, of two the first all: as much as the union."""
     west = {"name": "west", "shape": "box", "lower": ["-6 m", "-3 m", "-3 m"], "upper": ["2 m", "3 m", "3 m"]}
@@ -310,12 +323,42 @@ def test_plastic_work_is_that_of_the_balance(tmp_path):
         assert dissipated > 0.0
         found = row(table, step)
         assert found["plastic_work"] == pytest.approx(dissipated, rel=1e-9)
+        terms = {name: state.attrs[f"energy_{name}"] / 1e6 for name in ("released", "mined", "support")}
+        through_walls = found["energy_released"] - found["energy_mined"]
+        if step == "next":  # the first step has the elastic history, too
+            assert terms["support"] > 0.0
+            assert through_walls == pytest.approx(terms["released"] - terms["mined"] + terms["support"])
         own = float(plastic_work_density(state) @ state["volume"].values) / 1e6
         assert 0.6 * dissipated < own < 1.05 * dissipated
         failed = float(state["volume"].values[state["failed"].values >= 0].sum())
         assert 0.0 < found["plastic_volume"] <= failed
     assert row(table, "next", "second")["plastic_work"] > row(table, "next", "first")["plastic_work"] > 0.0
     assert row(table, "next")["energy_released"] > row(table, "next")["plastic_work"]
+
+
+def test_steps_that_mine_nothing_release_nothing(tmp_path):
+    """A step that does nothing, and one that fills the sphere, which stays as it is: later fill bears nothing yet."""
+    ball_then_fill = ball("sphere", 4, fill="soft", filled="fills")
+    table = measured(tmp_path, [ball_then_fill], steps=["history", "idle", "fills"], **SPHERE)[3]
+    whole = row(table, "history")["energy_released"]
+    for step in ("idle", "fills"):
+        for name in ("all", "sphere"):
+            found = row(table, step, name)
+            assert found["mined_volume"] == 0.0
+            assert abs(found["energy_released"]) < 1e-4 * whole
+            assert np.isnan(found["release_rate"])
+            assert np.isnan(found["loading_stiffness"])
+
+
+def test_a_mine_without_openings_has_rows_of_its_steps(tmp_path):
+    """None is mined yet: the planned one has no row, and a plane has its stress and no opening near it."""
+    planned = ball("sphere", 4, step="planned")
+    more = SPHERE | {"loading_measures": {"planes": [POINT]}}
+    table = measured(tmp_path, [planned], steps=["history"], **more)[3]
+    assert table["name"].values.tolist() == ["all", "dyke"]
+    assert row(table, "history")["energy_released"] == pytest.approx(0.0, abs=1e-6)
+    assert row(table, "history", "dyke")["ess_at_point"] == pytest.approx(-np.tan(np.radians(30.0)) * 20.0, rel=1e-3)
+    assert table["nearest_opening"].values.tolist() == ["", ""]
 
 
 def test_asked_for_measures_alone_have_values(tmp_path):
@@ -369,9 +412,6 @@ def test_weak_planes_of_a_rock_have_a_volume(tmp_path):
     assert found["ess_largest"] >= found["ess_mean"] > 0.0
     assert np.isnan(found["ess_area"])
     assert 8.0 <= found["x"] <= 10.0
-
-
-POINT = {"name": "dyke", "point": ["9 m", "0 m", "0 m"], "strike": "0 deg", "dip": "60 deg"}
 
 
 @pytest.mark.parametrize(
