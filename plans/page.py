@@ -22,6 +22,7 @@ from common.errors import InputError
 from common.pages import page_templates
 from plans.comparisons import Comparisons
 from plans.layout import ANY, PlanSummary, read_outcome
+from plans.loading_rows import LOADING_VARIABLES, loading_rows
 from plans.overview import overview
 from plans.sentences import collapsed, interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
@@ -46,16 +47,24 @@ MAX_COLUMNS = 3
 
 
 def report_stage(
-    given: Mapping, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path, shaking: Sequence[Path] = ()
+    given: Mapping,
+    *,
+    grid: Path,
+    outcomes: Sequence[Path],
+    output: Path,
+    table: Path,
+    shaking: Sequence[Path] = (),
+    loading: Sequence[Path] = (),
 ) -> None:
     """Write the page of all plans (`output`) and the table.
 
     given: the stage's slice (PlansReportSlice); outcomes: outcome.nc of each plan, that which others are compared with
-    first; shaking: shaking.nc of each plan, in the same order, or none.
+    first; shaking, loading: shaking.nc and loading.nc of each plan, in the same order, or none.
     """
     plans = [read_outcome(path) for path in outcomes]
     felt = [read_dataset(path, SHAKING_VARIABLES) for path in shaking]
-    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, felt)
+    loaded = [read_dataset(path, LOADING_VARIABLES) for path in loading]
+    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, felt, loaded)
 
 
 def write_report(
@@ -65,11 +74,12 @@ def write_report(
     page: Path,
     table: Path,
     shaking: Sequence[xr.Dataset] = (),
+    loading: Sequence[xr.Dataset] = (),
 ) -> None:
     """Write the page, which needs nothing else, its figures in the same folder, and the table, atomically.
 
-    outcomes: of all plans (plans.layout), that which others are compared with first; shaking: of each of them
-    (shaking.layout), or none. Raises InputError for one of another mine, or of other classes.
+    outcomes: of all plans (plans.layout), that which others are compared with first; shaking, loading: of each of them
+    (shaking.layout, common.loading_table), or none. Raises InputError for one of another mine, or of other classes.
     """
     every = [PlanSummary(one) for one in outcomes]
     for plan in every:
@@ -80,6 +90,7 @@ def write_report(
             raise InputError(f"plans: {plan.name} was made with other classes of size or distance; run it again")
     plans = [plan for plan in every if not plan.collapsed]
     felt = [one for one, plan in zip(shaking, every, strict=bool(shaking)) if not plan.collapsed]
+    loaded = [one for one, plan in zip(loading, every, strict=bool(loading)) if not plan.collapsed]
     if not plans:
         raise InputError(
             f"plans: rock finds no equilibrium in any plan ({every[0].name}: in step {every[0].collapsed}), so there "
@@ -115,6 +126,7 @@ def write_report(
             likelihoods=sorted((hazard.likelihoods or {}).items(), key=lambda one: one[1]),
             forecasts=forecast_rows(plans),
             shaking=shaking_rows(plans, felt),
+            loading=loading_rows(plans, loaded),
             measured=measured_text(plans),
             laws=law_texts(plans),
             ratios=sorted(ratios),

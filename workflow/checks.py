@@ -20,6 +20,7 @@ from workflow.comparison_checks import check_baselines, check_face, check_foreca
 from workflow.dates import is_date, read_date
 from workflow.derived_domain import MAX_COARSE_CELLS, complete, largest_cell_name
 from workflow.key_order import key_in, parts_of, section_of
+from workflow.loading_checks import check_loading
 from workflow.mine import Mine
 from workflow.mine_settings import BoundaryStrain, Excavation, Load, MineSettings, RockBody, Step
 from workflow.observation_checks import check_observations
@@ -97,6 +98,7 @@ def check_mine(mine: Mine, mistakes: Mistakes, broken: set[str]) -> None:
     check(check_face, "face", "plane", "steps")
     check(check_baselines, "baselines", "steps", *cells)
     check(check_observations, "observations", "excavations", "steps", *cells)
+    check(check_loading, "loading_measures", "excavations", "steps", "materials", "rock_bodies", "block_model", *cells)
     check(check_sections, "report", "excavations", *cells)
     check(check_repeated, "excavations", "steps")
     check(check_plans, "plans", "excavations", "steps")

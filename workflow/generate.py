@@ -47,6 +47,13 @@ examples.
 CHAINAGE = """\
 openings: {chainage: 10 m}
 """
+LOADING = """\
+loading_measures:  # how-to page loading-measures.md
+  dynamic_friction: 30 deg
+  planes:
+    - {name: dyke, point: [130 m, 100 m, 1000 m], strike: 10 deg, dip: 75 deg, radius: 40 m}
+    - {name: fault, material: fault}  # the weak planes of a rock body
+"""
 INSTRUMENTS = """\
 observations:
   points:
@@ -166,7 +173,10 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "The recorded catalogue": (("record", "comparison", "face"), ((DEMO, "record"), FACE)),
     "The report": (("report",), (PLANES,)),
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),
-    "Openings and instruments": (("openings", "observations"), (CHAINAGE, INSTRUMENTS)),
+    "Openings and instruments": (
+        ("openings", "observations", "loading_measures"),
+        (CHAINAGE, INSTRUMENTS, LOADING),
+    ),
     "Baselines": (("baselines",), (FLAWS,)),
     "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),
 }

@@ -20,6 +20,7 @@ from mpm_core.geometry.shapes import Shape, checked, shape_of
 from mpm_core.geometry.shapes.prism import DrawnPrism
 from mpm_core.insitu_settings import InsituSettings, SymmetricTensor
 from mpm_core.settings import FACES, Boundary, DomainSettings, ShapeSettings
+from response.loading_settings import LoadingSettings
 from response.observation_settings import ObservationSettings
 from workflow.mine import shape_keys
 from workflow.mine_settings import BoundaryStrain, Load, MineSettings
@@ -63,6 +64,7 @@ def on_map(settings: MineSettings) -> OnMap:
         "loads": tuple(_load(load, grid) for load in settings.loads),
         "face": settings.face and _face(settings.face, grid),
         "observations": settings.observations and _observations(settings.observations, grid),
+        "loading_measures": settings.loading_measures and _loading(settings.loading_measures, grid),
         "report": _report(settings.report, grid),
     }
     with mistakes.gather():
@@ -163,6 +165,15 @@ def _report(report: ReportSettings, grid: GridMap) -> ReportSettings:
         for one in report.sections
     )
     return report.model_copy(update={"sections": sections})
+
+
+def _loading(settings: LoadingSettings, grid: GridMap) -> LoadingSettings:
+    """Planes of excess shear stress with their points on the map, as those of a report."""
+    planes = tuple(
+        one if one.point is None else one.model_copy(update={"point": tuple(grid.to_map(one.point).tolist())})
+        for one in settings.planes
+    )
+    return settings.model_copy(update={"planes": planes})
 
 
 def _shape_of(solid: ShapeSettings) -> Shape | None:

@@ -350,6 +350,22 @@ class Mine(MineConfiguration):
         steps = [{"name": name, **self._dates(name)} for name in self.mined_steps]
         return {"observations": made, "steps": steps, "excavations": mined}
 
+    def loading_slice(self) -> dict:
+        """Settings of stage `loading`: measures, steps, what they mine and what then holds its walls, virgin stress."""
+        steps, excavations = self.mined_steps, []
+        for entry in self.excavations:
+            mined = entry.step if entry.step in steps else ""
+            filled = entry.fill_material is not None and entry.fill_step == entry.step
+            begins = dict(map(tuple, self.pressure(entry)))
+            pressure = 0.0 if filled else begins.get(self.step_index(entry.step), 0.0)
+            excavations.append({"name": entry.name, "mined": mined, "filled": filled, "pressure": pressure})
+        return {
+            "loading_measures": self.settings.loading_measures.given() if self.settings.loading_measures else {},
+            "steps": steps,
+            "excavations": excavations,
+            "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
+        }
+
     def report_slice(self) -> dict:
         """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress, grid."""
         grid = self.settings.frame.grid

@@ -39,6 +39,7 @@ from mpm_core.settings import (
     SolverSettings,
 )
 from plans.settings import HazardSettings
+from response.loading_settings import LoadingSettings
 from response.observation_settings import ObservationSettings
 from response.settings import OpeningSettings
 from seismic.event_settings import SeismicSettings
@@ -364,6 +365,9 @@ class MineSettings(Settings):
     """What the table of openings gives."""
     observations: ObservationSettings = None
     """Places at which the model is read, and what instruments measured there."""
+    loading_measures: LoadingSettings = None
+    """Energy that mining releases, plastic work, loading stiffness and excess shear stress, by step, opening and plane.
+    With it the run makes `loading.csv`, and a section of the report."""
     hazard: HazardSettings = HazardSettings()
     """Classes of sizes, distances and chances that the plans are judged by."""
     ground_motion: GroundMotionSettings = None

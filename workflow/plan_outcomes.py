@@ -13,6 +13,7 @@ from workflow.result_files import ResultFiles
 
 OUTCOME = "outcome.nc"
 SHAKING = "shaking.nc"
+LOADING = "loading.nc"
 COARSE_RUN = "coarse"  # kind of a run on cells of twice the size
 POSTERIOR = "posterior"
 TITLE_OF_MINE_FILE = "As the mine file has it"
@@ -186,6 +187,15 @@ class PlanOutcomes:
         """The grid of a plan's own run."""
         return self.files.result(self.folders.place_of(plan), "grid")
 
+    def elastic(self, plan: str) -> str:
+        """The elastic state of a plan's own run."""
+        return self.files.result(self.folders.place_of(plan), "elastic")
+
+    def states(self, plan: str) -> list[str]:
+        """States of all steps of a plan's own run, in order."""
+        place = self.folders.place_of(plan)
+        return [self.files.result(place, f"steps/{step}") for step in self.folders.mine_at(place).mined_steps]
+
     def outcome_slice(self, plan: str) -> dict:
         """Settings that the outcome of a plan depends on, besides the content of files."""
         mine = self.folders.mine_at(self.folders.place_of(plan))
@@ -225,6 +235,18 @@ class PlanOutcomes:
         if self.mine.settings.ground_motion is None:
             return []
         return [self.files.own(f"{PLANS}/{plan}/{SHAKING}") for plan in self.checked_names]
+
+    def loading_slice(self, plan: str) -> dict:
+        """Settings that the loading measures of a plan depend on: measures and planes of the mine file, and steps and
+        openings of the plan."""
+        mine = self.folders.mine_at(self.folders.place_of(plan))
+        return mine.loading_slice() | {"loading_measures": self.mine.loading_slice()["loading_measures"]}
+
+    def loading(self) -> list[str]:
+        """Loading measures of all plans, in order; none where the mine file asks for none."""
+        if not self.files.has_loading:
+            return []
+        return [self.files.own(f"{PLANS}/{plan}/{LOADING}") for plan in self.checked_names]
 
     def report_slice(self) -> dict:
         """Settings that the page of the plans depends on, besides the outcomes of the plans."""

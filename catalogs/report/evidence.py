@@ -41,6 +41,7 @@ DATASETS = (
     "observations",
     "source_parameters",
     "shaking",
+    "loading",
 )
 MODEL_LABEL = "Modelled"
 RECORD_LABELS = {"twin": "Recorded (twin)", "recorded": "Recorded"}
@@ -95,9 +96,9 @@ class Evidence:
     convergence table and attributes only, among them the dates of a step from its file of events; state:
     STATE_VARIABLES of the last stage;
     catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations,
-    source_parameters, shaking: the datasets of these names, None where there is none; files: {path: attributes} of all
-    read; logs: folder of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid of the mine's own
-    coordinates, if it is not the map, and in words; sections: planes that the mine file chooses.
+    source_parameters, shaking, loading: the datasets of these names, None where there is none; files: {path:
+    attributes} of all read; logs: folder of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid
+    of the mine's own coordinates, if it is not the map, and in words; sections: planes that the mine file chooses.
     """
 
     config: dict
@@ -118,6 +119,7 @@ class Evidence:
     observations: xr.Dataset | None
     source_parameters: xr.Dataset | None
     shaking: xr.Dataset | None
+    loading: xr.Dataset | None
     files: dict[str, dict]
     logs: Path | None
     insitu: InsituStress | None

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("without_drawing")
 SECTIONS = (
     "first", "warnings", "record", "scene", "view", "rock", "planes", "openings", "observations", "steps", "events",
     "sizes", "axes", "balls", "parameters", "uncertainty", "convergence", "spread", "forecasts", "truncated", "budget",
-    "shaking", "resources", "config",
+    "shaking", "loading", "resources", "config",
 )  # fmt: skip
 
 

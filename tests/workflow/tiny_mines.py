@@ -35,6 +35,8 @@ STAGES = {
     "calibration_record",
     "shaking",
     "plan_shaking",
+    "loading",
+    "plan_loading",
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")

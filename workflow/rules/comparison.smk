@@ -74,6 +74,7 @@ rule report:
             record=FILES.if_recorded("record.nc"),
             openings=FILES.own("openings.nc") if MINE.mined_steps else [],
             observations=FILES.own("observations.nc") if FILES.has_observations else [],
+            loading=FILES.own("loading.nc") if FILES.has_loading else [],
             shaking=FILES.own("shaking.nc") if FILES.has_shaking else [],
             **FILES.comparisons(),
         ),

@@ -68,6 +68,36 @@ if FILES.has_shaking:
             RUN
 
 
+if FILES.has_loading:
+
+    rule plan_loading:
+        """Energy that mining by a plan releases, plastic work, loading stiffness and excess shear stress."""
+        input:
+            **INPUTS.of(
+                "plan_loading",
+                "{plan}",
+                settings=lambda wildcards: OUTCOMES.loading_slice(wildcards.plan),
+                grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
+                elastic=lambda wildcards: OUTCOMES.elastic(wildcards.plan),
+                steps=lambda wildcards: OUTCOMES.states(wildcards.plan),
+            ),
+        output:
+            table=f"{PLAN_RESULTS}/{{plan}}/loading.csv",
+            dataset=f"{PLAN_RESULTS}/{{plan}}/loading.nc",
+        log:
+            f"{PLAN_LOGS}/{{plan}}/loading.log",
+        wildcard_constraints:
+            plan=MINING_PLANS.pattern,
+        conda:
+            ENVIRONMENT
+        threads: 1
+        resources:
+            mem_mb=RESOURCES.reading_memory("loading"),
+            runtime=60,
+        shell:
+            RUN
+
+
 rule plans:
     """All plans side by side: a page, its figures, and a table."""
     input:
@@ -76,6 +106,7 @@ rule plans:
             settings=lambda wildcards: OUTCOMES.report_slice(),
             outcomes=lambda wildcards: OUTCOMES.outcomes(),
             shaking=lambda wildcards: OUTCOMES.shaking(),
+            loading=lambda wildcards: OUTCOMES.loading(),
             grid=FILES.own("grid.nc"),
         ),
     output:

@@ -56,3 +56,34 @@ if FILES.has_observations:
             runtime=60,
         shell:
             RUN
+
+
+if FILES.has_loading:
+
+    rule loading:
+        """Energy that mining releases, plastic work, loading stiffness and excess shear stress."""
+        input:
+            **INPUTS.of(
+                "loading",
+                grid=FILES.own("grid.nc"),
+                elastic=FILES.own("elastic.nc"),
+                steps=FILES.own_states(MINE.mined_steps),
+            ),
+        output:
+            table=report(
+                FILES.own("loading.csv"),
+                caption="../report/loading.rst",
+                category=MINE.name,
+                labels={"result": "loading measures"},
+            ),
+            dataset=FILES.own("loading.nc"),
+        log:
+            f"{OWN_LOGS}/loading.log",
+        conda:
+            ENVIRONMENT
+        threads: 1
+        resources:
+            mem_mb=RESOURCES.reading_memory("loading"),
+            runtime=60,
+        shell:
+            RUN

@@ -43,3 +43,30 @@ def observations(job: Job) -> None:
     found = found.assign_attrs(job.provenance())
     write_dataset(found, job.output("observations.nc"))
     write_csv(found, FIELDS, job.output("observations.csv"))
+
+
+@stage("response", settings=lambda mine, wildcards: mine.loading_slice())
+def loading(job: Job) -> None:
+    """Energy that mining releases, plastic work, loading stiffness and excess shear stress, by step and opening"""
+    _measure_loading(job)
+
+
+@stage("response")
+def plan_loading(job: Job) -> None:
+    """Energy that mining by a plan releases, plastic work, loading stiffness and excess shear stress"""
+    _measure_loading(job)
+
+
+def _measure_loading(job: Job) -> None:
+    """Write the table of loading measures of a mine or of a plan."""
+    from common.datasets import write_dataset
+    from common.loading_table import FIELDS
+    from response.loading import read_and_measure
+    from response.loading_settings import LoadingSlice
+    from response.table_csv import write_csv
+
+    settings, states = LoadingSlice.of(job.settings), job.paths("steps")
+    found = read_and_measure(settings, job.input("grid"), job.input("elastic"), states)
+    found = found.assign_attrs(job.provenance())
+    write_dataset(found, job.output("loading.nc"))
+    write_csv(found, FIELDS, job.output("loading.csv"))

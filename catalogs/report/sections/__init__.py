@@ -31,7 +31,7 @@ TOPICS = {  # in the page's order: topic, and its sections by id in the page wit
         "truncated": "Truncated zones",
         "budget": "Potency budget",
     },
-    "Openings and support": {"shaking": "Shaking and demand on support"},
+    "Openings and support": {"shaking": "Shaking and demand on support", "loading": "Loading measures"},
     "The run": {"resources": "Resources", "config": "Configuration"},
 }
 SECTIONS = {section: name for topic in TOPICS.values() for section, name in topic.items()}
