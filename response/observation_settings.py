@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from common.quantities import parse_quantity
 from common.setting_types import AsTuple, Point, Settings, Size, Unit, refusal, short
+from response.scan_settings import ObservedScan
 
 STRESS, DISPLACEMENT, EXTENSION, CLOSURE = "stress", "displacement", "extension", "closure"
 SI_UNIT = {STRESS: "Pa", DISPLACEMENT: "m", EXTENSION: "m", CLOSURE: "m"}
@@ -185,7 +186,8 @@ class ObservedClosure(Instrument):
 
 
 class ObservationSettings(Settings):
-    """Places at which stress, displacement, extension and closure of each step are read, beside measured values."""
+    """Places at which stress, displacement, extension and closure of each step are read, beside measured values, and
+    scanned voids beside failed rock."""
 
     points: Annotated[tuple[ObservedPoint, ...], AsTuple] = ()
     """Stress cells and survey marks."""
@@ -193,15 +195,17 @@ class ObservationSettings(Settings):
     """Extensometers, and lines along which stress is read."""
     closures: Annotated[tuple[ObservedClosure, ...], AsTuple] = ()
     """Pairs of marks on opposite walls."""
+    scans: Annotated[tuple[ObservedScan, ...], AsTuple] = ()
+    """Scanned voids, compared with the rock that the model has failed at the walls of their excavations."""
 
     @property
     def instruments(self) -> list[Instrument]:
-        """All of them, in the order of the mine file."""
+        """Those that are read at points, in the order of the mine file."""
         return [*self.points, *self.lines, *self.closures]
 
     @model_validator(mode="after")
     def _own_names(self) -> Self:
-        names = [one.name for one in self.instruments]
+        names = [*(one.name for one in self.instruments), *(one.name for one in self.scans)]
         for name in names:
             if names.count(name) > 1:
                 raise refusal(f"two instruments are called {short(name)}")

@@ -27,6 +27,7 @@ BYTES_PER_PARTICLE = {  # what a stage reads of a state, twice: as stored and as
     "events": 500.0,
     "openings": 700.0,
     "observations": 700.0,
+    "scans": 700.0,
     "report": 300.0,  # two of its sections may work on a state at the same time
     "vtk": 1000.0,
     "baselines": 3000.0,  # the stress of every state, and some flaws for each particle near openings

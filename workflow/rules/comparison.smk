@@ -74,6 +74,7 @@ rule report:
             record=FILES.if_recorded("record.nc"),
             openings=FILES.own("openings.nc") if MINE.mined_steps else [],
             observations=FILES.own("observations.nc") if FILES.has_observations else [],
+            scans=FILES.own("scans.nc") if FILES.has_scans else [],
             shaking=FILES.own("shaking.nc") if FILES.has_shaking else [],
             **FILES.comparisons(),
         ),
