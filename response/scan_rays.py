@@ -30,20 +30,23 @@ def reach_of_void(solid: Solid, place: NDArray, normal: NDArray, stations: NDArr
     length = np.linalg.norm(facing, axis=1)
     facing = facing / np.where(length > 0.0, length, 1.0)[:, None]
     shown = _shown(corners.mean(axis=1) + center, facing, stations)
-    depth = np.round(np.abs(winding_number_of(corners)(place - center))).astype(int)
+    winding_number = winding_number_of(corners)
+    before, beyond = (
+        np.round(np.abs(winding_number(place - center + aside * normal))).astype(int) for aside in (-AT_WALL, AT_WALL)
+    )  # a point on the surface itself is on neither side of it
     reach = np.full(len(place), np.nan)
     for number, (distance, facet) in enumerate(_hits(corners, place - center, normal)):
-        sign = np.where(facing[facet] @ normal[number] > 0.0, -1, 1)  # what it adds to the winding number, outwards
-        if depth[number] > 0:
-            order = np.argsort(distance)
-            order = order[distance[order] > -AT_WALL]
-            left = depth[number] + np.cumsum(sign[order])
-            found = order[np.flatnonzero(left <= 0)[:1]]
-        else:
-            order = np.argsort(-distance)
-            order = order[distance[order] < AT_WALL]
-            found = order[:1] if len(order) and sign[order[0]] < 0 else order[:0]
-        if len(found) and shown[facet[found[0]]]:
+        inside, start = (before[number], -AT_WALL) if before[number] > 0 else (beyond[number], AT_WALL)
+        outwards = inside > 0
+        along = distance if outwards else -distance
+        adds = np.where((facing[facet] @ normal[number] > 0.0) == outwards, -1, 1)  # to the winding number on the way
+        order = np.argsort(along)
+        order = order[along[order] > start]
+        last = np.append(np.diff(along[order]) > AT_WALL, True)[: len(order)]  # surfaces at one place count together
+        around = inside + np.cumsum(adds[order])
+        changed = np.flatnonzero(last & (around <= 0 if outwards else around != 0))[:1]
+        found = order[changed]
+        if len(found) and (outwards or around[changed[0]] > 0) and shown[facet[found[0]]]:
             reach[number] = distance[found[0]]
     return reach
 

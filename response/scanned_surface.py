@@ -17,6 +17,7 @@ from response.scan_settings import PlacedScan
 MIN_VOLUME, MAX_VOLUME = 0.05, 20.0  # Of the excavations: a scan in feet that is read as metres has 35 times as much.
 LIKELY_VOLUME = (0.5, 2.0)  # Of the excavations: a unit that makes the scan so large is likely meant.
 MIN_OVERLAP = 0.5  # Share of the smaller of scan and excavations that lies in the other one.
+PIT = "; a pit"  # Begins what the reader of solids says of excavations alone.
 POINTS_ACROSS = 24  # Of the lattice by which overlaps are measured.
 
 
@@ -30,7 +31,7 @@ def read_scan(scan: PlacedScan, design: Sequence[Solid], where: str) -> Solid:
     try:
         solid = read_solid(scan.file, scan.name, picked)
     except InputError as error:
-        raise InputError(f"{where}.file: {error}") from error
+        raise InputError(f"{where}.file: {str(error).partition(PIT)[0]}") from error
     solid = _without_foreign(solid, design)
     _check_volume(solid, scan, design, where)
     _check_place(solid, scan, design, where)

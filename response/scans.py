@@ -107,7 +107,7 @@ def _compare(
     scanned[through] = opened[through]
     _tell_shift(scan, own, scanned)
     depth = look_behind(rock, walls, cKDTree(walls.place)).depth[chosen] if count else np.empty(0)
-    others = design_solids(grid, [one for one in np.flatnonzero(is_mined) if one not in excavations])
+    others = design_solids(grid, [one for one in np.flatnonzero(is_mined).tolist() if one not in excavations])
     (over_place, over), (under_place, under) = _differences(solid, design, others, rock)
     all_of, tree = cKDTree(walls.place), cKDTree(own.place)
     failed_place, failed, _ = rock.failed_volume

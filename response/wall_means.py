@@ -31,6 +31,8 @@ def mean_and_interval(values: NDArray, place: NDArray, weight: NDArray) -> tuple
     """
     if len(values) < MIN_POINTS:
         return (float(values[0]) if len(values) else np.nan), np.nan, np.nan
+    order = np.lexsort(place.T)  # so that blocks do not depend on the order of the points
+    values, place, weight = values[order], place[order], weight[order]
     block = divide(place)
     total = np.bincount(block, weight)
     means = np.bincount(block, weight * values) / total

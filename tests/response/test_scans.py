@@ -48,7 +48,7 @@ def compared(made, mesh: trimesh.Trimesh, folder, **keys):
 @pytest.mark.parametrize("offset", [0.3, 1.7, -0.6])
 def test_one_wall_moved_by_an_offset(stope, tmp_path, offset):
     """Overbreak, ELOS and volume are those of the offset on that wall, and nothing on the others."""
-    rows, _ = compared(stope, prism(0.0, upper=UPPER + [offset, 0.0, 0.0]), tmp_path)
+    rows, _ = compared(stope, prism(0.0, upper=np.add(UPPER, [offset, 0.0, 0.0])), tmp_path)
     assert list(rows.index) == ["all", *SIDES]
     over = np.where(rows.index == "wall 090", max(offset, 0.0), 0.0)[1:]
     under = np.where(rows.index == "wall 090", max(-offset, 0.0), 0.0)[1:]
@@ -78,7 +78,7 @@ def test_all_walls_of_a_turned_stope(tmp_path):
     mine = load(tmp_path, [entry | {"polygon": [[f"{x} m", f"{y} m"] for x, y, _ in plan]}])
     grid, state = states_of(mine, tmp_path)
     assert turned.volume == pytest.approx(960.0)
-    mesh = prism(30.0, LOWER - [0.4, 0.5, 0.6], UPPER + [0.1, 0.2, 0.3])
+    mesh = prism(30.0, LOWER - [0.4, 0.5, 0.6], np.add(UPPER, [0.1, 0.2, 0.3]))
     rows, _ = compared((mine, grid, state), mesh, tmp_path)
     expected = {"wall 030": 0.2, "wall 120": 0.1, "wall 210": 0.5, "wall 300": 0.4, "roof": 0.3, "floor": 0.6}
     assert set(rows.index) == {"all", *expected}
@@ -134,7 +134,7 @@ def changed(mesh: trimesh.Trimesh, how: str) -> trimesh.Trimesh:
 
 @pytest.mark.parametrize("how", ["inverted", "some flipped", "other triangles", "other order", "foreign pieces"])
 def test_the_same_surface_in_another_form_gives_the_same_table(stope, tmp_path, how):
-    mesh = prism(0.0, upper=UPPER + [0.75, 0.0, 0.0])
+    mesh = prism(0.0, upper=np.add(UPPER, [0.75, 0.0, 0.0]))
     expected, _ = compared(stope, mesh.copy(), tmp_path)
     found, _ = compared(stope, changed(mesh, how), tmp_path)
     numbers = [name for name in found if name not in ("scan", "step")]
@@ -143,7 +143,7 @@ def test_the_same_surface_in_another_form_gives_the_same_table(stope, tmp_path, 
 
 def test_a_scan_in_feet_beside_the_origin(stope, tmp_path):
     """Units, scale and offset are those of the solids' readers."""
-    mesh = prism(0.0, upper=UPPER + [0.5, 0.0, 0.0])
+    mesh = prism(0.0, upper=np.add(UPPER, [0.5, 0.0, 0.0]))
     mesh.apply_translation([100.0, -40.0, 10.0])
     mesh.apply_scale(1.0 / 0.3048)
     rows, _ = compared(stope, mesh, tmp_path, units="ft", offset=[-100.0, 40.0, -10.0])
@@ -153,7 +153,7 @@ def test_a_scan_in_feet_beside_the_origin(stope, tmp_path):
 
 def test_walls_behind_a_hole_have_no_value(stope, tmp_path):
     """The scan ends with an open draw point in one half of a wall: that half is unseen, and not zero."""
-    mesh = prism(0.0, upper=UPPER + [0.4, 0.0, 0.0]).subdivide_to_size(0.6)
+    mesh = prism(0.0, upper=np.add(UPPER, [0.4, 0.0, 0.0])).subdivide_to_size(0.6)
     middle = mesh.triangles_center
     mesh.update_faces(~((middle[:, 0] > 6.3) & (middle[:, 1] < -1.0) & (middle[:, 2] < 0.0)))
     rows, table = compared(stope, mesh, tmp_path)
@@ -229,7 +229,7 @@ def test_modelled_depth_and_fallen_rock_stand_beside(stope, tmp_path):
     fallen = failed.drop_dims("loose").assign(
         volume=("particle", volume), loose_cell=("loose", cells), loose_samples=("loose", every)
     )  # fmt: skip
-    rows, _ = compared((mine, grid, fallen), prism(0.0, upper=UPPER + [1.5, 0.0, 0.0]), tmp_path)
+    rows, _ = compared((mine, grid, fallen), prism(0.0, upper=np.add(UPPER, [1.5, 0.0, 0.0])), tmp_path)
     wall = rows.loc["wall 090"]
     assert wall["depth_mean"] == pytest.approx(2.0)
     assert wall["fallen_mean"] == pytest.approx(1.0)
