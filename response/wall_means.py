@@ -1,10 +1,10 @@
 """The mean of a measure over a wall, and its interval where neighbouring points are alike.
 
 Points of a wall are no independent samples: an overhang of five metres is seen by hundreds of rays. The wall is divided
-into blocks. Their means are taken as a Gaussian field with covariance s2 exp(-r / l) (Cressie 1993, section 3.2), in
+into blocks. Their means are taken as a Gaussian field with covariance s2 exp(-r / l) (Cressie 1993), in
 which the correlation length l and the variance s2 are unknown. Each of some lengths gives the area's mean a Student
 distribution, whose scale follows from the covariances of the blocks; the interval is that of their mixture, weighted by
-the restricted likelihood of each length (Diggle and Ribeiro 2007, section 7.2).
+the restricted likelihood of each length (Diggle and Ribeiro 2007).
 """
 
 import numpy as np

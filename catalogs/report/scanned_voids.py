@@ -84,6 +84,7 @@ def walls_figure(table: xr.Dataset, scan: str) -> Figure:
     scale = Normalize(-max(largest, 0.1), max(largest, 0.1))
     figure = style.new_figure(height=5.2)
     panels = figure.subplots(2, max(len(rows), 1), squeeze=False, sharex="col", sharey="col")
+    told = ""
     for column, row in enumerate(rows):
         own = np.flatnonzero(table["point_row"].values == row)
         along, across, labels = _in_plane(table, row, own)
@@ -91,8 +92,9 @@ def walls_figure(table: xr.Dataset, scan: str) -> Figure:
             _draw(panel, along, across, measure[own], float(table["cell"].values[row]), scale)
         panels[0, column].set_title(str(table["side"].values[row]))
         panels[1, column].set_xlabel(labels[0])
-        panels[0, column].set_ylabel(labels[1])
-        panels[1, column].set_ylabel(labels[1])
+        for panel in panels[:, column] if labels[1] != told else ():
+            panel.set_ylabel(labels[1])
+        told = labels[1]
     for panel, text in zip(panels[:, 0], ("scanned", "modelled"), strict=True):
         panel.annotate(
             text, (0.0, 0.5), (-46, 0), xycoords="axes fraction", textcoords="offset points", rotation=90,
