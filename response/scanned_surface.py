@@ -66,7 +66,8 @@ def _meet(one: Solid, other: Solid) -> bool:
 
 def _check_volume(solid: Solid, scan: PlacedScan, design: Sequence[Solid], where: str) -> None:
     """Raise InputError for a scan that is far smaller or larger than its excavations."""
-    volume, expected = solid.volume, sum(one.volume for one in design)
+    volume = abs(solid.signed_volume) if solid.is_closed else solid.volume
+    expected = sum(one.volume for one in design)
     ratio = volume / expected
     if MIN_VOLUME <= ratio <= MAX_VOLUME:
         return
@@ -85,9 +86,11 @@ def _check_volume(solid: Solid, scan: PlacedScan, design: Sequence[Solid], where
 
 def _check_place(solid: Solid, scan: PlacedScan, design: Sequence[Solid], where: str) -> None:
     """Raise InputError for a scan of which most lies beside its excavations."""
-    shared = max(_share(solid, design), max(_share(one, [solid]) for one in design))
-    if shared >= MIN_OVERLAP:
-        return
+    shared = 0.0
+    for one, others in [*((part, [solid]) for part in design), (solid, design)]:
+        shared = max(shared, _share(one, others))
+        if shared >= MIN_OVERLAP:
+            return
     lower = np.min([one.bounds[0] for one in design], axis=0)
     upper = np.max([one.bounds[1] for one in design], axis=0)
     away = solid.bounds.mean(axis=0) - 0.5 * (lower + upper)

@@ -20,7 +20,7 @@ from mpm_core.geometry.inside import CROSSED, INSIDE, classify_cells, popcount, 
 from mpm_core.geometry.solids import Solid
 from response.opening_table import DEPTH_SHARE, nearest_wall, weighted_quantile
 from response.rock import Rock, Voids
-from response.scan_rays import entry_behind, reach_of_void
+from response.scan_rays import AT_WALL, entry_behind, reach_of_void
 from response.scan_settings import PlacedScan, ScanSlice
 from response.scanned_surface import read_scan
 from response.wall_means import LEVEL, mean_and_interval
@@ -101,7 +101,7 @@ def _compare(
     scanned = reach_of_void(solid, own.place, own.normal, stations)
     whole = Solid(scan.name, grid["solid_position"].values, np.concatenate([one.facets for one in design]))
     beyond = np.flatnonzero(scanned < 0.0)
-    scanned[beyond[scanned[beyond] <= entry_behind(whole, own.place[beyond], own.normal[beyond])]] = np.nan
+    scanned[beyond[scanned[beyond] < entry_behind(whole, own.place[beyond], own.normal[beyond]) + AT_WALL]] = np.nan
     opened = _first_opening(rock, own, scanned)
     through = np.isfinite(opened)
     scanned[through] = opened[through]

@@ -66,21 +66,23 @@ def test_one_wall_moved_by_an_offset(stope, tmp_path, offset):
     np.testing.assert_allclose(rows["misfit_high"].iloc[1:] - rows["misfit"].iloc[1:], half, rtol=1e-3)
 
 
-def test_all_walls_of_a_turned_stope(tmp_path):
-    """A stope turned by 30 degrees, each wall moved by an offset of its own: walls are named by their bearings."""
+@pytest.mark.parametrize("angle", [30.0, 45.0])
+def test_all_walls_of_a_turned_stope(tmp_path, angle):
+    """A turned stope, each wall moved by an offset of its own: walls are named by their bearings."""
     corners = [(-6, -5), (6, -5), (6, 5), (-6, 5)]
-    turned = prism(30.0)
+    turned = prism(angle)
     plan = (
         np.array([[x, y, 0.0] for x, y in corners])
-        @ trimesh.transformations.rotation_matrix(-np.radians(30.0), [0, 0, 1])[:3, :3].T
+        @ trimesh.transformations.rotation_matrix(-np.radians(angle), [0, 0, 1])[:3, :3].T
     )
     entry = {"name": "stope", "shape": "prism", "lower": "-4 m", "upper": "4 m"}
     mine = load(tmp_path, [entry | {"polygon": [[f"{x} m", f"{y} m"] for x, y, _ in plan]}])
     grid, state = states_of(mine, tmp_path)
     assert turned.volume == pytest.approx(960.0)
-    mesh = prism(30.0, LOWER - [0.4, 0.5, 0.6], np.add(UPPER, [0.1, 0.2, 0.3]))
+    mesh = prism(angle, LOWER - [0.4, 0.5, 0.6], np.add(UPPER, [0.1, 0.2, 0.3]))
     rows, _ = compared((mine, grid, state), mesh, tmp_path)
-    expected = {"wall 030": 0.2, "wall 120": 0.1, "wall 210": 0.5, "wall 300": 0.4, "roof": 0.3, "floor": 0.6}
+    offsets = zip((0.0, 90.0, 180.0, 270.0), (0.2, 0.1, 0.5, 0.4), strict=True)
+    expected = {f"wall {angle + bearing:03.0f}": offset for bearing, offset in offsets} | {"roof": 0.3, "floor": 0.6}
     assert set(rows.index) == {"all", *expected}
     for side, offset in expected.items():
         assert rows["overbreak_mean"][side] == pytest.approx(offset, abs=2e-3)
@@ -177,6 +179,35 @@ def test_walls_beyond_the_end_of_a_scan_have_no_value(stope, tmp_path):
     assert rows["seen_area"]["roof"] == pytest.approx(60.0, rel=0.1)
 
 
+def test_a_missing_surface_is_not_that_of_the_opposite_wall(stope, tmp_path):
+    """A void smaller than the design, with a hole in its western wall: behind the hole there is no value."""
+    mesh = prism(0.0, LOWER + 1.0, UPPER - 1.0).subdivide_to_size(0.6)
+    middle = mesh.triangles_center
+    mesh.update_faces(~((middle[:, 0] < -4.9) & (np.abs(middle[:, 1]) < 2.0) & (np.abs(middle[:, 2]) < 2.0)))
+    _, table = compared(stope, mesh, tmp_path)
+    place, scanned = table["place"].values, table["scanned"].values
+    west = np.isclose(place[:, 0], -6.0)
+    hole = west & (np.abs(place[:, 1]) < 1.4) & (np.abs(place[:, 2]) < 1.4)
+    assert hole.any()
+    assert np.isnan(scanned[hole]).all()
+    around = (
+        west
+        & ((np.abs(place[:, 1]) > 2.6) | (np.abs(place[:, 2]) > 2.6))
+        & (np.abs(place[:, 1:]) < [3.9, 2.9]).all(axis=1)
+    )
+    np.testing.assert_allclose(scanned[around], -1.0, atol=2e-3)
+
+
+def test_void_beyond_the_opposite_wall_is_no_underbreak(stope, tmp_path):
+    """The west of the stope was not scanned, but a void south of it was: the northern wall there has no value."""
+    east, south = prism(0.0, [0.0, -9.0, -4.0], UPPER), prism(0.0, [-6.0, -9.0, -4.0], [6.0, -5.5, 4.0])
+    _, table = compared(stope, trimesh.util.concatenate([east, south]), tmp_path)
+    place, scanned = table["place"].values, table["scanned"].values
+    north = np.isclose(place[:, 1], 5.0)
+    assert np.isnan(scanned[north & (place[:, 0] < -0.1)]).all()
+    np.testing.assert_allclose(scanned[north & (place[:, 0] > 0.1)], 0.0, atol=2e-3)
+
+
 def test_a_shadow_is_told_by_the_station(stope, tmp_path):
     """The scanner sees the roof past a ledge at x = 2 m: behind it the surface runs along the line of sight."""
     station, edge = np.array([-2.0, -3.0]), np.array([2.0, 2.0])  # x and z
@@ -224,7 +255,10 @@ def test_modelled_depth_and_fallen_rock_stand_beside(stope, tmp_path):
     gone = np.flatnonzero(east & (position[:, 0] > 6.0) & (position[:, 0] < 7.0))
     volume = state["volume"].values.copy()
     volume[gone] = 0.0
-    cells = state["cell"].values[gone].astype(np.int32)
+    within = rock_of(grid, state).cells(
+        rock_of(grid, state).in_cells(np.array([[0.5, 0.5, 0.5]]))
+    )  # fell, then was mined
+    cells = np.append(state["cell"].values[gone], within).astype(np.int32)
     every = np.full(len(cells), ~np.uint64(0))
     fallen = failed.drop_dims("loose").assign(
         volume=("particle", volume), loose_cell=("loose", cells), loose_samples=("loose", every)
