@@ -48,7 +48,7 @@ def reach_of_void(solid: Solid, place: NDArray, normal: NDArray, stations: NDArr
         found = order[changed]
         if len(found) and (outwards or around[changed[0]] > 0) and shown[facet[found[0]]]:
             reach[number] = distance[found[0]]
-    return reach
+    return np.where(np.abs(reach) < AT_WALL, 0.0, reach)
 
 
 def entry_behind(solid: Solid, place: NDArray, normal: NDArray) -> NDArray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from small_mines import load, rock_of, states_of, with_failed
+from small_mines import load, rock_of, states_of, with_failed, with_fallen
 
 from common.scan_table import FIELDS, POINT_FIELDS, read_scans
 from response.scan_rays import reach_of_void
@@ -252,17 +252,10 @@ def test_modelled_depth_and_fallen_rock_stand_beside(stope, tmp_path):
     rock = (state["volume"].values > 0.0) & (state["excavation"].values < 0)
     east = rock & (np.abs(position[:, 1]) < 5.0) & (np.abs(position[:, 2]) < 4.0)
     failed = with_failed(state, east & (position[:, 0] > 6.0) & (position[:, 0] < 8.0))
-    gone = np.flatnonzero(east & (position[:, 0] > 6.0) & (position[:, 0] < 7.0))
-    volume = state["volume"].values.copy()
-    volume[gone] = 0.0
-    within = rock_of(grid, state).cells(
-        rock_of(grid, state).in_cells(np.array([[0.5, 0.5, 0.5]]))
-    )  # fell, then was mined
-    cells = np.append(state["cell"].values[gone], within).astype(np.int32)
-    every = np.full(len(cells), ~np.uint64(0))
-    fallen = failed.drop_dims("loose").assign(
-        volume=("particle", volume), loose_cell=("loose", cells), loose_samples=("loose", every)
-    )  # fmt: skip
+    gone = east & (position[:, 0] > 6.0) & (position[:, 0] < 7.0)
+    rock_before = rock_of(grid, state)
+    within = rock_before.cells(rock_before.in_cells(np.array([[0.5, 0.5, 0.5]])))  # fell before it was mined
+    fallen = with_fallen(failed, gone, within)
     rows, _ = compared((mine, grid, fallen), prism(0.0, upper=np.add(UPPER, [1.5, 0.0, 0.0])), tmp_path)
     wall = rows.loc["wall 090"]
     assert wall["depth_mean"] == pytest.approx(2.0)
