@@ -12,6 +12,7 @@ from response.scan_settings import ObservedScan
 
 STRESS, DISPLACEMENT, EXTENSION, CLOSURE = "stress", "displacement", "extension", "closure"
 SI_UNIT = {STRESS: "Pa", DISPLACEMENT: "m", EXTENSION: "m", CLOSURE: "m"}
+COMPONENTS = {STRESS: 9, DISPLACEMENT: 3}  # Of stress six, and three principal compressions.
 MAX_STATIONS = 10_000  # Of a line.
 Text = Annotated[str, Field(min_length=1)]
 Anchors = Annotated[tuple[Size, ...], Field(min_length=1), AsTuple]
@@ -55,6 +56,16 @@ class Instrument(Settings):
     def quantity(self) -> str:
         """What the instrument measures: a key of SI_UNIT."""
         raise NotImplementedError
+
+    @property
+    def places(self) -> int:
+        """Number of places that the table of observations has of it."""
+        return 1
+
+    @property
+    def components(self) -> int:
+        """Number of quantities that the table has at each place: all of a tensor or vector without an axis."""
+        return 1
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -103,6 +114,10 @@ class ObservedPoint(Instrument):
     def quantity(self) -> str:
         return self.measures
 
+    @property
+    def components(self) -> int:
+        return 1 if self.axis is not None else COMPONENTS[self.measures]
+
     @model_validator(mode="after")
     def _has_axis(self) -> Self:
         if self.file is not None and self.axis is None:
@@ -129,6 +144,14 @@ class ObservedLine(Instrument):
     @property
     def quantity(self) -> str:
         return self.measures
+
+    @property
+    def places(self) -> int:
+        return len(self.distances)
+
+    @property
+    def components(self) -> int:
+        return COMPONENTS.get(self.measures, 1)
 
     @property
     def length(self) -> float:

@@ -52,7 +52,7 @@ if FILES.has_observations:
             ENVIRONMENT
         threads: 1
         resources:
-            mem_mb=RESOURCES.reading_memory("observations"),
+            mem_mb=RESOURCES.observation_memory,
             runtime=60,
         shell:
             RUN

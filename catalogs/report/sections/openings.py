@@ -82,8 +82,8 @@ def _line(table: xr.Dataset, place: dict[tuple[str, str], int], name: str, row: 
         return float(table[column].values[row])
 
     return OpeningLine(
-        name, bool(of("filled")), sides, of("depth_largest"), of("failed_volume"), of("failed_volume_step"), of("fallen_volume"),
-        of("closure_median"), of("major_stress"), of("major_stress_change"), of("strength_factor"),
+        name, bool(of("filled")), sides, of("depth_largest"), of("failed_volume"), of("failed_volume_step"),
+        of("fallen_volume"), of("closure_median"), of("major_stress"), of("major_stress_change"), of("strength_factor"),
         of("through_share"), int(of("events_modelled")), of("events_recorded"),
     )  # fmt: skip
 
