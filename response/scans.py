@@ -28,7 +28,7 @@ from response.wall_rays import STEP, fallen_depth, first_rock, look_behind, stan
 from response.walls import Walls, mined_walls
 
 PARTS_OF_CELL = 2  # Cells of the lattice of volumes along a finest cell; each has 64 points.
-MAX_LATTICE = 4_000_000  # Cells of that lattice; of a larger one they are larger.
+MAX_LATTICE = 1_000_000  # Cells of that lattice; of a larger one they are larger.
 MIN_ALIGNED = 0.1  # Length of the mean of four-fold directions below which walls look to all sides alike.
 MAX_SHIFTED = 0.5  # Of the r.m.s. distance from the design that is left after a shift which explains the scan.
 
