@@ -35,6 +35,9 @@ def read_scan(scan: PlacedScan, design: Sequence[Solid], where: str) -> Solid:
     solid = _without_foreign(solid, design)
     _check_volume(solid, scan, design, where)
     _check_place(solid, scan, design, where)
+    for station in np.reshape(scan.stations or (), (-1, 3)):
+        if not contains(solid, station[None])[0]:
+            raise InputError(f"{where}.stations: {_text(station)} m is not in the scanned void; correct it")
     return solid
 
 

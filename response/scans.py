@@ -97,6 +97,9 @@ def _compare(
     solid = read_scan(scan, design, f"observations.scans.{scan.name}")
     chosen = np.flatnonzero(np.isin(walls.excavation, excavations))
     own, count = walls.at(chosen), len(chosen)
+    if not count:  # other openings have taken all rock around
+        logging.warning("%s: no wall of its excavations has rock behind it", scan.name)
+        return ScannedWalls(own, *(np.empty(0) for _ in range(8)))
     stations = None if scan.stations is None else np.array(scan.stations)
     scanned = reach_of_void(solid, own.place, own.normal, stations)
     whole = Solid(scan.name, grid["solid_position"].values, np.concatenate([one.facets for one in design]))
@@ -106,7 +109,7 @@ def _compare(
     through = np.isfinite(opened)
     scanned[through] = opened[through]
     _tell_shift(scan, own, scanned)
-    depth = look_behind(rock, walls, cKDTree(walls.place)).depth[chosen] if count else np.empty(0)
+    depth = look_behind(rock, walls, cKDTree(walls.place)).depth[chosen]
     others = design_solids(grid, [one for one in np.flatnonzero(is_mined).tolist() if one not in excavations])
     (over_place, over), (under_place, under) = _differences(solid, design, others, rock)
     all_of, tree = cKDTree(walls.place), cKDTree(own.place)
@@ -154,7 +157,7 @@ def _tell_shift(scan: PlacedScan, walls: Walls, scanned: NDArray) -> None:
     if np.linalg.norm(shift) > 2.0 * scan.error and after < MAX_SHIFTED * before:
         logging.warning(
             "%s lies (%.2f, %.2f, %.2f) m from the design, root mean square %.2f m, without this shift %.2f m: check "
-            "its coordinates", scan.name, *shift, before, after,
+            "its coordinates", scan.name, *(np.round(shift, 2) + 0.0), before, after,
         )  # fmt: skip
 
 

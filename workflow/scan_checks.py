@@ -19,8 +19,6 @@ def check_scans(mine: Mine, mistakes: Mistakes) -> None:
             for name in scan.excavations:
                 with mistakes.gather():
                     _check_excavation(mine, where, name, step)
-        with mistakes.gather():
-            _check_stations(mine, where, scan)
         if len(mistakes.lines) == before:
             with mistakes.gather():
                 _check_surface(mine, where, scan)
@@ -68,15 +66,6 @@ def _check_excavation(mine: Mine, where: str, name: str, step: str) -> None:
             f"{where}.excavations: {name} is filled in {entry.fill_step}, so there is no void at the end of {step}; "
             f"give the step before it, step: {mine.previous(entry.fill_step)}"
         )
-
-
-def _check_stations(mine: Mine, where: str, scan: ObservedScan) -> None:
-    """Stations of the scanner are in the domain."""
-    corners = mine.settings.domain
-    for point in scan.stations or ():
-        if not all(low <= value <= high for low, value, high in zip(corners.lower, point, corners.upper, strict=True)):
-            text = ", ".join(f"{value:g}" for value in point)
-            raise InputError(f"{where}.stations: ({text}) m is outside the domain; correct it")
 
 
 def _check_surface(mine: Mine, where: str, scan: ObservedScan) -> None:

@@ -84,7 +84,7 @@ MISTAKES = {  # Changes of the scan's keys, its surface, and the line that it is
     "metres as millimetres": ({"units": "mm"}, box, "1e-09 times the volume of stope (9.6e-07 and 960 m3); with units"),
     "open": ({}, lambda: without_faces(box(), 6), "is no volume: export it again as one closed surface"),
     "flat": ({}, lambda: box(upper=[6.0, 5.0, -4.0]), "scan.stl"),
-    "station": ({"stations": [["0 m", "99 m", "0 m"]]}, box, "stations: (0, 99, 0) m is outside the domain"),
+    "station": ({"stations": [["0 m", "99 m", "0 m"]]}, box, "stations: (0, 99, 0) m is not in the scanned void"),
 }  # fmt: skip
 
 
@@ -172,4 +172,4 @@ def test_a_shifted_scan_is_told(tmp_path, caplog):
     grid, state = states_of(mine, tmp_path)
     with caplog.at_level(logging.WARNING):
         compare_scans(ScanSlice.of(mine.scans_slice()), grid, [state])
-    assert "CMS lies (1.00, -0.00, -0.00) m from the design" in caplog.text.replace("(1.00, 0.00", "(1.00, -0.00")
+    assert "CMS lies (1.00, 0.00, 0.00) m from the design" in caplog.text
