@@ -36,6 +36,7 @@ FIELDS = (
         "volume of failed rock that has not fallen and to which this wall is nearest",
     ),
     Field("failed_volume_step", ROWS, np.float64, "m3", "part of it that failed in this step"),
+    Field("fallen_volume", ROWS, np.float64, "m3", "volume of rock that has fallen and to which this wall is nearest"),
     Field("closure_largest", ROWS, np.float64, "m", "largest closure of opposite walls since they were mined"),
     Field("closure_median", ROWS, np.float64, "m", "median closure of opposite walls since they were mined"),
     Field("closure_radial", ROWS, np.float64, "m", "mean inward displacement of the walls since they were mined"),

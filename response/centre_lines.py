@@ -65,13 +65,24 @@ def centre_lines(grid: xr.Dataset, paths: Sequence[NDArray | None]) -> list[Cent
     paths: points along each excavation that the mine file gives, None where it gives none. An excavation without one is
     a drive if it is MIN_SLENDERNESS times as long as wide or high, and has no branches.
     """
+    cells = _cells_by_excavation(grid, len(paths)) if grid.attrs["plane"] == "none" else [None] * len(paths)
     lines: list[CentreLine | None] = []
-    for index, path in enumerate(paths):
+    for path, own in zip(paths, cells, strict=True):
         if path is not None:
             lines.append(CentreLine(_distinct(np.asarray(path, float))))
         else:
-            lines.append(_line_of_cells(grid, index) if grid.attrs["plane"] == "none" else None)
+            lines.append(None if own is None else _line_of_cells(grid, own))
     return lines
+
+
+def _cells_by_excavation(grid: xr.Dataset, count: int) -> list[NDArray]:
+    """Finest cells (k, xyz), from the domain's lower corner, of which each excavation has more than MIN_SHARE."""
+    edge, corner = float(grid.attrs["fine_cell"]), np.asarray(grid.attrs["domain_lower"])
+    held = np.flatnonzero(grid["piece_fraction"].values > MIN_SHARE)
+    owner = grid["piece_excavation"].values[held]
+    order = np.argsort(owner, kind="stable")
+    place = np.rint((grid["piece_origin"].values[held[order]] - corner) / edge).astype(np.int64)
+    return np.split(place, np.searchsorted(owner[order], np.arange(1, count)))[:count]
 
 
 def _distinct(points: NDArray) -> NDArray:
@@ -79,17 +90,16 @@ def _distinct(points: NDArray) -> NDArray:
     return points[np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))]
 
 
-def _line_of_cells(grid: xr.Dataset, excavation: int) -> CentreLine | None:
-    """Centre line through the cells of an excavation: their middles at equal distances along it, from end to end.
+def _line_of_cells(grid: xr.Dataset, cells: NDArray) -> CentreLine | None:
+    """Centre line through cells (k, xyz) of an excavation: their middles at equal distances along it, from end to end.
 
     The distance of a cell from one end runs through the cells of the excavation. Both ends are found by going to the
     farthest cell twice. Chainage begins at the end that comes first by x, then y.
     """
     edge, corner = float(grid.attrs["fine_cell"]), np.asarray(grid.attrs["domain_lower"])
-    own = (grid["piece_excavation"].values == excavation) & (grid["piece_fraction"].values > MIN_SHARE)
-    if own.sum() < MIN_SLENDERNESS:
+    if len(cells) < MIN_SLENDERNESS:
         return None
-    cell = np.unique(np.rint((grid["piece_origin"].values[own] - corner) / edge).astype(np.int64), axis=0)
+    cell = np.unique(cells, axis=0)
     graph = _neighbours(cell)
     first = int(np.argmax(_from(graph, 0)))
     away = _from(graph, first)

@@ -8,9 +8,11 @@ from pydantic import Field, model_validator
 
 from common.quantities import parse_quantity
 from common.setting_types import AsTuple, Point, Settings, Size, Unit, refusal, short
+from response.scan_settings import ObservedScan
 
 STRESS, DISPLACEMENT, EXTENSION, CLOSURE = "stress", "displacement", "extension", "closure"
 SI_UNIT = {STRESS: "Pa", DISPLACEMENT: "m", EXTENSION: "m", CLOSURE: "m"}
+COMPONENTS = {STRESS: 9, DISPLACEMENT: 3}  # Of stress six, and three principal compressions.
 MAX_STATIONS = 10_000  # Of a line.
 Text = Annotated[str, Field(min_length=1)]
 Anchors = Annotated[tuple[Size, ...], Field(min_length=1), AsTuple]
@@ -54,6 +56,16 @@ class Instrument(Settings):
     def quantity(self) -> str:
         """What the instrument measures: a key of SI_UNIT."""
         raise NotImplementedError
+
+    @property
+    def places(self) -> int:
+        """Number of places that the table of observations has of it."""
+        return 1
+
+    @property
+    def components(self) -> int:
+        """Number of quantities that the table has at each place: all of a tensor or vector without an axis."""
+        return 1
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
@@ -102,6 +114,10 @@ class ObservedPoint(Instrument):
     def quantity(self) -> str:
         return self.measures
 
+    @property
+    def components(self) -> int:
+        return 1 if self.axis is not None else COMPONENTS[self.measures]
+
     @model_validator(mode="after")
     def _has_axis(self) -> Self:
         if self.file is not None and self.axis is None:
@@ -128,6 +144,14 @@ class ObservedLine(Instrument):
     @property
     def quantity(self) -> str:
         return self.measures
+
+    @property
+    def places(self) -> int:
+        return len(self.distances)
+
+    @property
+    def components(self) -> int:
+        return COMPONENTS.get(self.measures, 1)
 
     @property
     def length(self) -> float:
@@ -185,7 +209,8 @@ class ObservedClosure(Instrument):
 
 
 class ObservationSettings(Settings):
-    """Places at which stress, displacement, extension and closure of each step are read, beside measured values."""
+    """Places at which stress, displacement, extension and closure of each step are read, beside measured values, and
+    scanned voids beside failed rock."""
 
     points: Annotated[tuple[ObservedPoint, ...], AsTuple] = ()
     """Stress cells and survey marks."""
@@ -193,15 +218,17 @@ class ObservationSettings(Settings):
     """Extensometers, and lines along which stress is read."""
     closures: Annotated[tuple[ObservedClosure, ...], AsTuple] = ()
     """Pairs of marks on opposite walls."""
+    scans: Annotated[tuple[ObservedScan, ...], AsTuple] = ()
+    """Scanned voids, compared with the rock that the model has failed at the walls of their excavations."""
 
     @property
     def instruments(self) -> list[Instrument]:
-        """All of them, in the order of the mine file."""
+        """Those that are read at points, in the order of the mine file."""
         return [*self.points, *self.lines, *self.closures]
 
     @model_validator(mode="after")
     def _own_names(self) -> Self:
-        names = [one.name for one in self.instruments]
+        names = [*(one.name for one in self.instruments), *(one.name for one in self.scans)]
         for name in names:
             if names.count(name) > 1:
                 raise refusal(f"two instruments are called {short(name)}")

@@ -1,7 +1,7 @@
 """What the model gives at each instrument after each step, beside its readings."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -51,17 +51,22 @@ def observe(settings: ObservationSlice, grid: xr.Dataset, states: Iterable[xr.Da
     found = [
         values_at(Rock(state, Voids.of(grid, order <= number)), every) for number, state in enumerate(states)
     ]  # fmt: skip
-    rows: list[tuple] = []
+    parts: list[tuple[NDArray, ...]] = []
     for number, instrument in enumerate(instruments):
         own = slice(bounds[number], bounds[number + 1])
-        rows += _rows(instrument, [_part(values, own) for values in found], list(settings.steps))
-    columns = list(zip(*rows, strict=True)) if rows else [() for _ in FIELDS]
+        parts += _rows(instrument, [_part(values, own) for values in found], list(settings.steps))
+    columns = zip(*parts, strict=True) if parts else [() for _ in FIELDS]
     return xr.Dataset(
         {
-            field.name: (field.dims, np.array(column, field.dtype), field.attributes)
+            field.name: (field.dims, _joined(column, field.dtype), field.attributes)
             for field, column in zip(FIELDS, columns, strict=True)
         }
     )
+
+
+def _joined(parts: Sequence[NDArray], dtype: np.dtype) -> NDArray:
+    """Parts of a column, one below another."""
+    return np.concatenate(parts).astype(dtype, copy=False) if parts else np.empty(0, dtype)
 
 
 def _part(values: Values, own: slice) -> Values:
@@ -69,34 +74,37 @@ def _part(values: Values, own: slice) -> Values:
     return Values(*(column[own] for column in vars(values).values()))
 
 
-def _rows(instrument: Instrument, found: list[Values], steps: list[dict]) -> Iterable[tuple]:
-    """Rows of an instrument: each quantity, place and step."""
+def _rows(instrument: Instrument, found: list[Values], steps: list[dict]) -> Iterable[tuple[NDArray, ...]]:
+    """Columns, in the order of FIELDS, of the rows of each quantity of an instrument: each place by each step."""
     scale, unit = (MPA, "MPa") if instrument.quantity == STRESS else (MM, "mm")
     first = None if instrument.since is None else [step["name"] for step in steps].index(instrument.since)
     distances = instrument.distances if isinstance(instrument, ObservedLine) else np.array([np.nan])
     measured = np.full((len(steps), len(distances)), np.nan)
     reading_error = np.nan
     if instrument.file is not None:
-        measured = at_steps(read_readings(instrument, instrument.name), steps, instrument.since)
+        measured = scale * at_steps(read_readings(instrument, instrument.name), steps, instrument.since)
         reading_error = scale * instrument.reading_error()
         if instrument.since is not None:  # the difference of two readings
             reading_error *= np.sqrt(2.0)
-    skip, closes = instrument.quantity == EXTENSION, instrument.quantity == CLOSURE  # both need two points
+    cell = np.array([values.cell for values in found])  # (step, point)
+    failed = np.array([values.failed for values in found])
+    if instrument.quantity == EXTENSION:  # of the collar and each anchor
+        cell, failed = np.maximum(cell[:, :1], cell[:, 1:]), np.logical_or(failed[:, :1], failed[:, 1:])
+    if instrument.quantity == CLOSURE:
+        cell, failed = cell.max(axis=1, keepdims=True), failed.max(axis=1, keepdims=True)
+    count = measured.size
+    names = np.array([step["name"] for step in steps], object)
     for quantity, value, error in _modelled(instrument, found):
         if first is not None:
             value, error = value - value[first], np.hypot(error, error[first])
             value[:first] = np.nan
             error = np.where(np.isfinite(value), error, np.nan)
-        for place, distance in enumerate(distances):
-            for number, step in enumerate(steps):
-                last = found[number]
-                used = [0, place + 1] if skip else range(len(last.cell)) if closes else [place]
-                reading = scale * measured[number, place]
-                yield (
-                    instrument.name, quantity, float(distance), step["name"], unit, scale * value[number, place],
-                    scale * error[number, place], reading, reading_error if np.isfinite(reading) else np.nan,
-                    float(np.max(last.cell[used])), int(last.failed[used].any()),
-                )  # fmt: skip
+        by_place = (scale * value, scale * error, measured, np.where(np.isfinite(measured), reading_error, np.nan))
+        yield (
+            np.full(count, instrument.name, object), np.full(count, quantity, object),
+            np.repeat(distances, len(steps)), np.tile(names, len(distances)), np.full(count, unit, object),
+            *(column.T.ravel() for column in (*by_place, cell, failed)),
+        )  # fmt: skip
 
 
 def _modelled(instrument: Instrument, found: list[Values]) -> Iterable[tuple[str, NDArray, NDArray]]:

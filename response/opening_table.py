@@ -45,9 +45,9 @@ class Measured:
     """What walls (point,) show of the rock after a step; NaN where they show nothing.
 
     depth m, through bool, see wall_rays.Behind; inward m: displacement into the opening; closed m: closure with the
-    opposite wall; failed, new m3: volume of the failed rock that is nearest to this wall, and of what failed in this
-    step; stress, change MPa: largest compression in the first intact rock, and since virgin rock; factor: strength over
-    stress there; modelled, recorded: number of events nearest to this wall.
+    opposite wall; failed, new, fallen m3: volume of the failed rock that is nearest to this wall, of what failed in
+    this step, and of rock that has fallen; stress, change MPa: largest compression in the first intact rock, and since
+    virgin rock; factor: strength over stress there; modelled, recorded: number of events nearest to this wall.
     """
 
     depth: NDArray
@@ -56,6 +56,7 @@ class Measured:
     closed: NDArray
     failed: NDArray
     new: NDArray
+    fallen: NDArray
     stress: NDArray
     change: NDArray
     factor: NDArray
@@ -78,15 +79,15 @@ def measure(
     before they were mined. number: index of the step. modelled, recorded (k, xyz) m: events of the step; None where
     there is no record of it.
     """
-    state, count, tree = rock.state, len(walls), cKDTree(walls.place)
+    count, tree = len(walls), cKDTree(walls.place)
     behind = look_behind(rock, walls, tree)
     moved = wall_displacement(rock, walls) - moved_before
     chords = find_chords(rock, walls, float(np.linalg.norm(np.ptp(walls.place, axis=0))) + rock.edge)
     closed = np.full(count, np.nan)
     closed[chords.wall] = closure(chords, moved)
-    lost = np.flatnonzero(rock.failed & (state["volume"].values > 0.0) & (state["excavation"].values < 0))
-    nearest, volume = _nearest(tree, state["position"].values[lost]), state["volume"].values[lost]
-    now = state["failed"].values[lost] == number if len(lost) else np.zeros(0, bool)
+    place, volume, step = rock.failed_volume
+    nearest, now = nearest_wall(tree, place), step == number
+    fallen_place, fallen_volume = rock.fallen_volume
     stress, factor = np.full(count, np.nan), np.full(count, np.nan)
     intact = np.flatnonzero(behind.particle >= 0)
     principal, factor[intact] = rock.stress_of_cells(behind.particle[intact])
@@ -98,15 +99,18 @@ def measure(
         closed=closed,
         failed=np.bincount(nearest, volume, minlength=count),
         new=np.bincount(nearest[now], volume[now], minlength=count),
+        fallen=np.bincount(nearest_wall(tree, fallen_place), fallen_volume, minlength=count),
         stress=stress,
         change=stress - virgin / 1e6,
         factor=factor,
-        modelled=np.bincount(_nearest(tree, modelled), minlength=count),
-        recorded=np.full(count, np.nan) if recorded is None else np.bincount(_nearest(tree, recorded), minlength=count),
+        modelled=np.bincount(nearest_wall(tree, modelled), minlength=count),
+        recorded=np.full(count, np.nan)
+        if recorded is None
+        else np.bincount(nearest_wall(tree, recorded), minlength=count),
     )
 
 
-def _nearest(tree, points: NDArray) -> NDArray:
+def nearest_wall(tree, points: NDArray) -> NDArray:
     """Index (n,) of the wall nearest to each of some points (n, xyz) m."""
     return tree.query(points)[1] if len(points) else np.empty(0, np.int64)
 
@@ -155,6 +159,7 @@ def _values(walls: Walls, found: Measured, own: NDArray) -> tuple:
         float(np.average(found.through[own], weights=area)),
         float(found.failed[own].sum()),
         float(found.new[own].sum()),
+        float(found.fallen[own].sum()),
         float(closed.max()) if len(closed) else np.nan,
         float(np.median(closed)) if len(closed) else np.nan,
         _mean(found.inward[own], area),

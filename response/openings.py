@@ -1,6 +1,5 @@
 """The stage of the table of openings: grid, states and catalogues, step by step."""
 
-import json
 import logging
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,14 +14,11 @@ from common.datasets import read_dataset
 from common.event_table import read_events
 from common.voigt import tensor_from_voigt
 from mpm_core.scene.scene import InsituStress
-from response.centre_lines import centre_lines
 from response.opening_table import StepOpenings, measure, rows_of, table
 from response.rock import VARIABLES, Rock, Voids
 from response.settings import OpeningSlice, OpeningStep
 from response.wall_rays import standing, wall_displacement
-from response.walls import sample_walls
-
-NEVER = -1
+from response.walls import mined_walls
 
 
 def read_and_measure(
@@ -47,19 +43,12 @@ def openings_table(
 ) -> xr.Dataset:
     """The table of openings after each step. states: of the steps, in order; events, recorded: locations
     (n, xyz) m of the modelled and the recorded events of each, None where there is no record."""
-    names = json.loads(grid.attrs["excavation_names"])
-    steps = [step.name for step in settings.steps]
-    entries = {entry.name: entry for entry in settings.excavations}
-    place = {name: number for number, name in enumerate(steps)}
-    mined = np.array([place.get(entries[name].mined, NEVER) for name in names])
-    filled = np.array([place.get(entries[name].filled, NEVER) for name in names])
-    paths = [None if (path := entries[name].path) is None else np.array(path) for name in names]
-    walls = sample_walls(grid, centre_lines(grid, paths))
-    walls = walls.at(np.flatnonzero(mined[walls.excavation] != NEVER))
+    names, mined, filled, walls = mined_walls(grid, settings.excavations, [step.name for step in settings.steps])
     virgin = virgin_compression(settings.insitu, walls.place)
     before, last = np.zeros((len(walls), 3)), None
     rows: list[tuple] = []
-    for number, (step, state, modelled, own_record) in enumerate(zip(steps, states, events, recorded, strict=True)):
+    of_steps = zip([step.name for step in settings.steps], states, events, recorded, strict=True)
+    for number, (step, state, modelled, own_record) in enumerate(of_steps):
         openings = StepOpenings(names, mined, filled, number)
         rock = Rock(state, Voids.of(grid, openings.is_mined))
         if last is not None:

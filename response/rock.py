@@ -24,7 +24,7 @@ MAX_CONTINUED = 0.5  # Edges of a cell by which its functions are continued beyo
 VARIABLES = {
     *("cell_origin", "cell_size", "cell_level", "cell_nodes", "cell_body", "node_position", "node_parents"),
     *("cell", "volume", "excavation", "position", "failed", "stress", "strength_factor", "node_displacement"),
-    "loose_cell",
+    *("loose_cell", "loose_samples"),
 }
 """Variables of a state that Rock reads."""
 
@@ -54,18 +54,22 @@ class Voids:
         np.bitwise_or.at(samples, row, grid["piece_samples"].values[own])
         return cls(code, samples, shape)
 
+    def samples_of(self, cell: NDArray) -> NDArray:
+        """Mined parts (n,) uint64 of finest cells (n, d), counted from the lower corner of the domain."""
+        if not len(self.code):
+            return np.zeros(len(cell), np.uint64)
+        code = np.ravel_multi_index(cell.T, self.shape)
+        row = np.minimum(np.searchsorted(self.code, code), len(self.code) - 1)
+        return np.where(self.code[row] == code, self.samples[row], np.uint64(0))
+
     def hold(self, place: NDArray) -> NDArray:
         """True (n,) where points (n, d), in finest cells from the lower corner of the domain, are in an opening."""
         dimension = len(self.shape)
         per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
         cell = np.clip(np.floor(place).astype(np.int64), 0, self.shape - 1)
-        code = np.ravel_multi_index(cell.T, self.shape)
-        row = np.minimum(np.searchsorted(self.code, code), max(len(self.code) - 1, 0))
         sub_cell = np.clip(((place - cell) * per_edge).astype(np.int64), 0, per_edge - 1)
         bit = (sub_cell @ per_edge ** np.arange(dimension)).astype(np.uint64)
-        if not len(self.code):
-            return np.zeros(len(place), bool)
-        return (self.code[row] == code) & ((self.samples[row] >> bit) & np.uint64(1)).astype(bool)
+        return ((self.samples_of(cell) >> bit) & np.uint64(1)).astype(bool)
 
 
 def axes_of(dataset: xr.Dataset) -> list[int]:
@@ -103,6 +107,51 @@ class Rock:
         if "loose_cell" in self.state:
             fell[self.state["loose_cell"].values] = True
         return fell
+
+    @cached_property
+    def fallen_samples(self) -> NDArray:
+        """Parts of each cell that have come loose and fallen, (cell,) uint64: one bit for each of its 64 sub-cells. An
+        excavation takes away what it mines."""
+        samples = np.zeros(len(self.grid.cell_level), np.uint64)
+        if "loose_cell" in self.state:
+            np.bitwise_or.at(samples, self.state["loose_cell"].values, self.state["loose_samples"].values)
+            own = np.flatnonzero((samples > 0) & (self.grid.cell_width == 1))
+            samples[own] &= ~self.voids.samples_of(self.grid.cell_index[own])
+        return samples
+
+    def has_fallen(self, point: NDArray) -> NDArray:
+        """True (n,) where rock that was at points (n, xyz) m has come loose and fallen."""
+        place, dimension = self.in_cells(point), len(self.axes)
+        cell = self.cells(place)
+        size = self.grid.cell_size[cell, None] / self.edge
+        lower = (self.grid.centers(cell) - self.lower) / self.edge - 0.5 * size
+        per_edge = round(SAMPLES_PER_CELL ** (1 / dimension))
+        sub_cell = np.clip(((place - lower) / size * per_edge).astype(np.int64), 0, per_edge - 1)
+        bit = (sub_cell @ per_edge ** np.arange(dimension)).astype(np.uint64)
+        fallen = (self.fallen_samples[cell] >> bit) & np.uint64(1)
+        return fallen.astype(bool) & (cell != NO_CELL)
+
+    @cached_property
+    def failed_volume(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Places (k, xyz) m of particles of failed rock that has not fallen, their volumes (k,) m3, and the index (k,)
+        of the step in which each failed."""
+        state = self.state
+        own = np.flatnonzero(self.failed & (state["volume"].values > 0.0) & (state["excavation"].values < 0))
+        step = state["failed"].values[own] if len(own) else np.empty(0, np.int32)
+        return state["position"].values[own], state["volume"].values[own], step
+
+    @cached_property
+    def fallen_volume(self) -> tuple[NDArray, NDArray]:
+        """Middles (k, xyz) m of the cells from which rock has fallen, and its volume there (k,) m3, that of cubes.
+
+        Of a mine in plane strain the middle lies at 0 along the third axis.
+        """
+        own = np.flatnonzero(self.fallen_samples)
+        place = np.zeros((len(own), 3))
+        place[:, self.axes] = self.grid.centers(own)
+        share = np.bitwise_count(self.fallen_samples[own]) / SAMPLES_PER_CELL
+        thickness = 1.0 if len(self.axes) == 3 else float(self.state.attrs["thickness"])
+        return place, share * self.grid.cell_size[own] ** len(self.axes) * thickness
 
     @cached_property
     def failed(self) -> NDArray:

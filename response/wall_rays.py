@@ -74,6 +74,19 @@ def look_behind(rock: Rock, walls: Walls, tree: cKDTree) -> Behind:
     return Behind(depth, through & (particle < 0), particle)
 
 
+def fallen_depth(rock: Rock, walls: Walls) -> NDArray:
+    """Depth (point,) m to which rock behind walls has come loose and fallen, along their normals, by STEP: up to the
+    last of it within MAX_TO_ROCK of the wall, or of fallen rock nearer to it."""
+    depth, step = np.zeros(len(walls)), STEP * rock.edge
+    going, number = np.arange(len(walls)) if rock.fallen_samples.any() else np.empty(0, np.int64), 0
+    while len(going):
+        fallen = rock.has_fallen(walls.place[going] + (number + 0.5) * step * walls.normal[going])
+        number += 1
+        depth[going[fallen]] = number * step
+        going = going[number * step - depth[going] < MAX_TO_ROCK * rock.edge]
+    return depth
+
+
 def wall_displacement(rock: Rock, walls: Walls) -> NDArray:
     """Displacement (point, xyz) m of walls since virgin rock: that of the nearest cell with rock behind them, whose
     shape functions are continued to the wall. NaN where there is none within MAX_INTO_ROCK."""

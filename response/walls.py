@@ -1,5 +1,7 @@
 """Points on the walls of excavations: where, which way the rock lies, and which side of the opening they belong to."""
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -7,8 +9,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from common.opening_table import ROOF_FROM, SIDES
-from response.centre_lines import CentreLine
+from response.centre_lines import CentreLine, centre_lines
 from response.rock import axes_of
+from response.settings import MinedOpening
 
 STEEPEST_WALL = np.sin(
     np.radians(90.0 - ROOF_FROM)
@@ -16,6 +19,7 @@ STEEPEST_WALL = np.sin(
 FACE = np.cos(np.radians(45.0))  # A face's normal lies along the drive by more than this.
 POINTS_PER_CELL = 2.0  # Along an edge of a finest cell.
 MIN_ROOF = 0.1  # Sine of the angle between a drive and the vertical below which it is a shaft.
+NEVER = -1  # No step.
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,21 @@ class Walls:
 
     def __len__(self) -> int:
         return len(self.area)
+
+
+def mined_walls(
+    grid: xr.Dataset, excavations: Sequence[MinedOpening], steps: list[str]
+) -> tuple[list[str], NDArray, NDArray, Walls]:
+    """Names of the excavations of grid.nc in its order, index of the step that mines and that fills each
+    (excavation,), NEVER where none of `steps` does, and points on the walls of those that are mined."""
+    names = json.loads(grid.attrs["excavation_names"])
+    entries = {entry.name: entry for entry in excavations}
+    place = {name: number for number, name in enumerate(steps)}
+    mined = np.array([place.get(entries[name].mined, NEVER) for name in names])
+    filled = np.array([place.get(entries[name].filled, NEVER) for name in names])
+    paths = [None if (path := entries[name].path) is None else np.array(path) for name in names]
+    walls = sample_walls(grid, centre_lines(grid, paths))
+    return names, mined, filled, walls.at(np.flatnonzero(mined[walls.excavation] != NEVER))
 
 
 def sample_walls(grid: xr.Dataset, lines: list[CentreLine | None]) -> Walls:

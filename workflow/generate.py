@@ -64,6 +64,13 @@ observations:
   closures:
     - {name: C1, start: [85.75 m, 110 m, 1012 m], end: [90.25 m, 110 m, 1012 m]}
 """
+SCANS = """\
+observations:
+  scans:
+    - {name: CMS 1, excavations: [stope_1], file: stope_1.dxf, layer: CMS, units: ft, date: "2019-08-28", error: 10 cm}
+    - {name: CMS 2, excavations: [stope_2], file: stope_2.stl, step: "2019-09", error: 10 cm,
+       stations: [[104 m, 97 m, 1009 m]]}
+"""
 FROM_FILES = """\
 excavations:
   - {name: stope, step: history, file: stopes.dxf, layer: S1, units: ft, scale: 1, offset: [0 m, 0 m, 0 m]}
@@ -175,7 +182,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
     "Calibration": (("calibration",), ((DEMO, "calibration"),)),
     "Openings and instruments": (
         ("openings", "observations", "loading_measures"),
-        (CHAINAGE, INSTRUMENTS, LOADING),
+        (CHAINAGE, INSTRUMENTS, SCANS, LOADING),
     ),
     "Baselines": (("baselines",), (FLAWS,)),
     "Specimens of a laboratory": (("loads", "strains"), (SPECIMENS,)),

@@ -237,7 +237,7 @@ def _observations(settings: ObservationSettings, grid: GridMap) -> ObservationSe
     """Instruments with their places on the map. Axes have bearings from the map's north already."""
 
     def placed(one: dict) -> dict:
-        return one | {key: grid.to_map(one[key]).tolist() for key in ("at", "start", "end") if key in one}
+        return one | {key: grid.to_map(one[key]).tolist() for key in ("at", "start", "end", "stations") if key in one}
 
     given = {kind: [placed(one) for one in own] for kind, own in settings.given().items()}
     return ObservationSettings.of(given, "observations")

@@ -13,7 +13,9 @@ from typing import Self
 
 from mpm_core.constitutive.laws import variability_of
 from mpm_core.settings import PlacedSolid, ShapeSettings, SolidSettings
+from response.scan_settings import ObservedScan
 from response.settings import MIN_SLENDERNESS
+from workflow.dates import read_date
 from workflow.face_positions import face_positions
 from workflow.mine_configuration import MineConfiguration
 from workflow.mine_settings import BoundaryStrain, Excavation, Load
@@ -342,6 +344,7 @@ class Mine(MineConfiguration):
         made = {
             kind: [one | ({"file": self.path(one["file"]).as_posix()} if "file" in one else {}) for one in given[kind]]
             for kind in given
+            if kind != "scans"
         }
         mined = [
             {"name": entry.name, "mined": entry.step if entry.step in self.mined_steps else ""}
@@ -364,6 +367,41 @@ class Mine(MineConfiguration):
             "steps": steps,
             "excavations": excavations,
             "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
+        }
+
+    def scan_step(self, scan: ObservedScan) -> str:
+        """Step that a scan is compared with: its own, that whose dates hold its date, or else the last one before;
+        empty where there is none."""
+        if scan.step is not None:
+            return scan.step
+        date = read_date("observations", str(scan.date))
+        begun = [step for step in self.dated_steps if read_date(step, self._dates(step)["start"]) <= date]
+        return begun[-1] if begun else ""
+
+    @property
+    def scan_steps(self) -> list[str]:
+        """Steps at whose end there is a scan, in order."""
+        wanted = (
+            {self.scan_step(scan) for scan in self.settings.observations.scans} if self.settings.observations else ()
+        )
+        return [step for step in self.mined_steps if step in wanted]
+
+    def placed_scan(self, scan: ObservedScan) -> dict:
+        """A scan as its slice has it: with its step, its file as a path from the working directory, and the grid of the
+        file."""
+        grid = self.settings.frame.grid
+        made = {key: value for key, value in scan.given().items() if key != "date"}
+        made |= {"step": self.scan_step(scan), "file": self.path(scan.file).as_posix()}
+        return made | ({"grid": grid.given()} if grid else {})
+
+    def scans_slice(self) -> dict:
+        """Settings of stage `scans`: scanned voids, all steps, and when each excavation is mined and filled."""
+        given = self.settings.observations.scans if self.settings.observations else ()
+        openings = self.openings_slice()
+        return {
+            "scans": [self.placed_scan(scan) for scan in given],
+            "steps": openings["steps"],
+            "excavations": openings["excavations"],
         }
 
     def report_slice(self) -> dict:

@@ -9,6 +9,7 @@ import numpy as np
 from common.errors import InputError, Mistakes
 from response.observation_settings import Instrument, ObservationSettings, ObservedClosure
 from workflow.mine import Mine
+from workflow.scan_checks import check_scans
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,6 +52,7 @@ def check_observations(mine: Mine, mistakes: Mistakes) -> None:
                 own = instrument.model_copy(update={"file": mine.path(instrument.file).as_posix()})
                 _check_dates(mine, where, own, read_readings(own, where))
     _check_rock(mine, settings, mistakes)
+    check_scans(mine, mistakes)
 
 
 def _check_dates(mine: Mine, where: str, instrument: Instrument, readings: "pd.DataFrame") -> None:

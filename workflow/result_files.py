@@ -31,6 +31,7 @@ class ResultFiles:
         self.has_coarse = self.mine.has_companion
         self.has_observations = bool(self.mine.mined_steps) and self.mine.settings.observations is not None
         self.has_loading = bool(self.mine.mined_steps) and self.mine.settings.loading_measures is not None
+        self.has_scans = self.has_observations and bool(self.mine.scan_steps)
         self.has_forecasts = self.has_record and bool(self.mine.settings.forecasts)
         self.has_shaking = self.has_catalog and self.mine.settings.ground_motion is not None
 
@@ -80,6 +81,7 @@ class ResultFiles:
             "openings.csv": bool(self.mine.mined_steps),
             "observations.csv": self.has_observations,
             "loading.csv": self.has_loading,
+            "scans.csv": self.has_scans,
             "shaking.nc": self.has_shaking,
             "shaking.csv": self.has_shaking,
         }

@@ -28,10 +28,13 @@ BYTES_PER_PARTICLE = {  # what a stage reads of a state, twice: as stored and as
     "openings": 700.0,
     "observations": 700.0,
     "loading": 1400.0,  # of two states
+    "scans": 700.0,
     "report": 300.0,  # two of its sections may work on a state at the same time
     "vtk": 1000.0,
     "baselines": 3000.0,  # the stress of every state, and some flaws for each particle near openings
 }
+BYTES_PER_OBSERVATION = 800.0  # of a row of the table of observations, while it is made
+BYTES_PER_OBSERVED_POINT = 14_000.0  # while stress is fitted to the particles around it
 LARGER_CELLS = 4  # At least so many cells of a mine make one of its companion, whose cells are twice as large.
 
 
@@ -90,6 +93,12 @@ class RuleResources:
         grid = self.files.own(f"{ELASTIC_ROCK}/grid.nc")
         return attempt * reading_mb(self.files.mine, grid, "baselines", input.states)
 
+    def observation_memory(self, wildcards: Wildcards, input: InputFiles, attempt: int) -> int:
+        """MB that the stage of instruments needs: for a state, for the points of long lines, and for its table."""
+        mine = self.files.mine
+        read = reading_mb(mine, self.files.grid_of_any(wildcards), "observations", input)
+        return attempt * (read + round(observation_bytes(mine) / MB))
+
     def reading_memory(self, stage: str, at_once: int = 1) -> Callable[[Wildcards, InputFiles, int], int]:
         """MB that a stage needs which reads results on the mine's grid, at_once of them at a time."""
 
@@ -120,6 +129,14 @@ def mechanics_mb(mine: Mine, grid: str, elastic: bool, share: float = 1.0) -> in
     particles = cells * settings.grid.particles_per_cell
     needed = stage_bytes(settings.solver.scheme, mine.dimension, cells, particles, elastic, mine.is_adaptive)
     return round((COMPILING + needed) / MB)
+
+
+def observation_bytes(mine: Mine) -> float:
+    """Memory of the points and the table of a mine's instruments, beside that of a state."""
+    instruments = mine.settings.observations.instruments if mine.settings.observations else []
+    points = sum(one.places + 1 for one in instruments)
+    rows = sum(one.places * one.components for one in instruments) * len(mine.mined_steps)
+    return BYTES_PER_OBSERVATION * rows + BYTES_PER_OBSERVED_POINT * points
 
 
 def reading_mb(mine: Mine, grid: str, stage: str, results: Iterable[str], at_once: int = 1) -> int:

@@ -39,6 +39,7 @@ DATASETS = (
     "forecast_scores",
     "openings",
     "observations",
+    "scans",
     "source_parameters",
     "shaking",
     "loading",
@@ -96,7 +97,7 @@ class Evidence:
     convergence table and attributes only, among them the dates of a step from its file of events; state:
     STATE_VARIABLES of the last stage;
     catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations,
-    source_parameters, shaking, loading: the datasets of these names, None where there is none; files: {path:
+    scans, source_parameters, shaking, loading: the datasets of these names, None where there is none; files: {path:
     attributes} of all read; logs: folder of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid
     of the mine's own coordinates, if it is not the map, and in words; sections: planes that the mine file chooses.
     """
@@ -117,6 +118,7 @@ class Evidence:
     forecast_scores: xr.Dataset | None
     openings: xr.Dataset | None
     observations: xr.Dataset | None
+    scans: xr.Dataset | None
     source_parameters: xr.Dataset | None
     shaking: xr.Dataset | None
     loading: xr.Dataset | None

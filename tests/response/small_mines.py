@@ -54,6 +54,19 @@ def with_failed(state: xr.Dataset, chosen: np.ndarray, step: int = 0) -> xr.Data
     return state.assign(failed=("particle", failed, state["failed"].attrs))
 
 
+def with_fallen(state: xr.Dataset, chosen: np.ndarray, also: np.ndarray | None = None) -> xr.Dataset:
+    """The state without the rock of some particles (particle,) bool, which has fallen with all of their cells.
+
+    also: further cells (k,) from which rock fell before they were mined.
+    """
+    cells = state["cell"].values[chosen]
+    cells = np.unique(cells if also is None else np.append(cells, also)).astype(np.int32)
+    every = np.full(len(cells), ~np.uint64(0))
+    volume = np.where(chosen, 0.0, state["volume"].values)
+    bare = state.drop_dims("loose").assign(volume=("particle", volume, state["volume"].attrs))
+    return bare.assign(loose_cell=("loose", cells), loose_samples=("loose", every))
+
+
 def moved_by(state: xr.Dataset, gradient: np.ndarray, shift: np.ndarray) -> xr.Dataset:
     """The state with nodes moved by shift (3,) m and a uniform displacement gradient (3, 3)."""
     moved = state["node_position"].values @ gradient.T + shift

@@ -65,6 +65,54 @@ def test_rock_beyond_an_opening_does_not_count(pair):
     np.testing.assert_allclose(found.stress[1], -9e6)
 
 
+SEAM = {
+    "name": "seam",
+    "material": "seam",
+    "shape": "box",
+    "lower": ["-16 m", "-16 m", "4 m"],
+    "upper": ["16 m", "16 m", "5 m"],
+}
+BODY = {
+    "name": "ore",
+    "material": "ore",
+    "shape": "box",
+    "lower": ["-16 m", "-16 m", "-16 m"],
+    "upper": ["9 m", "16 m", "4 m"],
+}
+
+
+@pytest.fixture(scope="module")
+def bodies(tmp_path_factory):
+    """The openings in an ore body, below a seam of one cell, in host rock."""
+    folder = tmp_path_factory.mktemp("bodies")
+    rock = {"model": "elastic", "youngs_modulus": "50 GPa", "poisson_ratio": 0.25, "density": "2700 kg/m^3"}
+    materials = dict.fromkeys(("host", "ore", "seam"), rock)
+    mine = load(folder, PAIR, materials=materials, rock_bodies=[BODY, SEAM])
+    return states_of(mine, folder)
+
+
+def test_stress_of_another_rock_body_does_not_count(bodies):
+    """Stress that is linear in each body, and jumps between them, is read as it is on both sides of a contact."""
+    grid, state = bodies
+    slope, shift = np.random.default_rng(4).normal(size=(3, 3, 6)) * 1e5, np.array([[1e6], [-4e6], [9e6]])
+    slope[2, 2] = 0.0  # of the seam: cells that lie in one plane show no slope across it
+    body = state["cell_body"].values[state["cell"].values] + 1
+    assert set(body) == {0, 1, 2}
+    place = state["position"].values
+    rounded = place + 1e-9 * np.random.default_rng(5).normal(size=place.shape)
+    state = state.assign(position=(("particle", "xyz"), rounded))
+    rock = rock_of(grid, with_stress(state, np.einsum("pi,pic->pc", place, slope[body]) + shift[body]))
+    points = np.concatenate(
+        [
+            [[x, y, z] for x in (-8.0, 0.0, 8.7) for y in (-5.0, 0.3) for z in (3.3, 3.9, 4.1, 4.5, 4.9, 5.1, 5.6)],
+            [[8.9, 0.2, 0.0], [9.1, 0.2, 0.0]],
+        ]
+    )
+    own = np.where(points[:, 2] > 4.0, np.where(points[:, 2] < 5.0, 2, 0), np.where(points[:, 0] < 9.0, 1, 0))
+    found = values_at(rock, points)
+    np.testing.assert_allclose(found.stress, np.einsum("pi,pic->pc", points, slope[own]) + shift[own], atol=1.0)
+
+
 def test_a_point_on_a_wall_has_values_and_one_within_an_opening_has_none(pair):
     grid, state = pair
     found = values_at(rock_of(grid, state), np.array([[-7.3, 0.0, 0.0], [-4.0, 0.0, 0.0], [0.0, 0.0, 99.0]]))

@@ -1,5 +1,7 @@
 """Instruments in fields that are known: stress along any axis, extension, closure; their readings; mistakes."""
 
+import tracemalloc
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,6 +14,7 @@ from response.observation_settings import ObservationSlice
 from response.observations import observe
 from response.table_csv import write_csv
 from workflow.configuration import load_mine
+from workflow.rule_resources import BYTES_PER_CELL, BYTES_PER_PARTICLE, observation_bytes
 
 ROOM = {"name": "room", "shape": "box", "lower": ["-4 m", "-3 m", "-2 m"], "upper": ["4 m", "3 m", "2 m"]}
 STEPS = [{"name": "history"}, {"name": "a", "start": "2020-01-01", "end": "2020-02-01"}]
@@ -26,6 +29,8 @@ def observed(folder, instruments, gradients=(0.0, 1.0, 2.0), **more):
     grid, state = states_of(mine, folder)
     states = [moved_by(state, factor * GRADIENT, np.ones(3)) for factor in gradients]
     table = observe(ObservationSlice.of(mine.observations_slice()), grid, states)
+    counted = mine.settings.observations.instruments
+    assert table.sizes["row"] == len(gradients) * sum(one.places * one.components for one in counted)
     assert set(table) == {field.name for field in FIELDS}
     return table
 
@@ -151,6 +156,25 @@ def test_a_mark_on_the_top_of_the_domain_has_values(tmp_path):
         for name, z in (("a", "16 m"), ("b", "-16 m"))
     ]
     assert np.isfinite(observed(tmp_path, {"points": points})["modelled"].values).all()
+
+
+@pytest.mark.parametrize("points", [100, 4000])
+def test_a_long_line_takes_the_memory_that_its_rule_asks_for(tmp_path, points):
+    """Stress at many points and many steps: the peak is below, and not far below."""
+    line = {"name": "hole", "start": ["5 m", "-10 m", "0 m"], "end": ["5 m", "10 m", "0 m"], "measures": "stress"}
+    steps = [*({"name": f"before_{number}"} for number in range(7)), *STEPS]
+    mine = load(tmp_path, [ROOM], steps=steps, observations={"lines": [line | {"every": f"{20 / points} m"}]})
+    grid, state = states_of(mine, tmp_path)
+    settings = ObservationSlice.of(mine.observations_slice())
+    observe(settings, grid, [state] * len(steps))  # what is imported and compiled once is not counted
+    tracemalloc.start()
+    observe(settings, grid, [state] * len(steps))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    of_state = BYTES_PER_PARTICLE["observations"] * state.sizes["particle"] + BYTES_PER_CELL * state.sizes["cell"]
+    assert peak <= observation_bytes(mine) + of_state
+    if points > 1000:
+        assert peak > 0.2 * observation_bytes(mine)
 
 
 def test_names_with_commas_are_read_again(tmp_path):

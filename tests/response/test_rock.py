@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
-from small_mines import CELL, load, moved_by, rock_of, states_of, with_failed
+from small_mines import CELL, load, moved_by, rock_of, states_of, with_failed, with_fallen
 
 from common.opening_table import ALL, FIELDS, SIDES
 from response.centre_lines import CentreLine, centre_lines
@@ -187,6 +187,38 @@ def test_the_table_adds_up(drive):
     assert one["depth_mean"] == pytest.approx(2.0, abs=0.35)
     ends = table["chainage_to"].values[~whole]
     assert ends.max() == pytest.approx(np.linalg.norm([26, 14, 4]), abs=1e-6)
+
+
+def test_fallen_rock_has_a_volume_and_a_depth_of_its_own(tmp_path):
+    """A metre of the roof has fallen, another one has failed: each counts once, and with the roof."""
+    room = {"name": "room", "shape": "box", "lower": ["-4 m", "-3 m", "-2 m"], "upper": ["4 m", "3 m", "2 m"]}
+    mine = load(tmp_path, [room])
+    grid, state = states_of(mine, tmp_path)
+    place = state["position"].values
+    above = (np.abs(place[:, 0]) < 4.0) & (np.abs(place[:, 1]) < 3.0) & (state["volume"].values > 0.0)
+    failed = with_failed(state, above & (place[:, 2] > 2.0) & (place[:, 2] < 4.0))
+    table = table_of(mine, grid, [with_fallen(failed, above & (place[:, 2] > 2.0) & (place[:, 2] < 3.0))])
+    rows = table.to_dataframe().set_index("side")
+    for side in ("all", "roof"):
+        assert rows["fallen_volume"][side] == pytest.approx(48.0)
+        assert rows["failed_volume"][side] == pytest.approx(48.0)
+    assert rows["depth_mean"]["roof"] == pytest.approx(2.0)
+    assert rows["fallen_volume"]["walls"] == rows["fallen_volume"]["floor"] == 0.0
+    assert table_of(mine, grid, [failed]).to_dataframe()["fallen_volume"].abs().max() == 0.0
+
+
+def test_fallen_rock_of_a_plane_has_the_volume_of_its_thickness(tmp_path):
+    hole = {"name": "hole", "shape": "circle", "center": ["0 m", "0 m"], "radius": "3 m"}
+    mine = load(
+        tmp_path, [hole], plane="xz", thickness="7 m", domain={"lower": ["-16 m", "-16 m"], "upper": ["16 m", "16 m"]}
+    )
+    grid, state = states_of(mine, tmp_path)
+    place = state["position"].values
+    chosen = (np.abs(place[:, 0]) < 1.0) & (place[:, 2] > 4.0) & (place[:, 2] < 5.0)
+    where, volume = rock_of(grid, with_fallen(state, chosen)).fallen_volume
+    assert volume.sum() == pytest.approx(2.0 * 7.0)
+    np.testing.assert_allclose(where[:, 1], 0.0)
+    np.testing.assert_allclose(where[:, 2], 4.5)
 
 
 def test_the_order_of_excavations_changes_no_row(tmp_path):

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 import scipy.spatial
+import xarray as xr
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from small_mines import CELL, load
 
 from common.opening_table import SIDES
 from mpm_core.stages.grid_stage import make_grid
-from response.centre_lines import CentreLine, centre_lines
+from response.centre_lines import MIN_SHARE, CentreLine, _cells_by_excavation, centre_lines
 from response.walls import POINTS_PER_CELL, _spread, sample_walls
 
 BOX = {"name": "stope", "shape": "box", "lower": ["-4 m", "-3 m", "-2 m"], "upper": ["4 m", "3 m", "2 m"]}
@@ -146,6 +147,25 @@ def test_what_is_outside_of_the_domain_has_no_points(tmp_path):
     _, walls = walls_of(load(tmp_path, [BOX | corners]))
     assert walls.place.max() <= 16.0
     assert area_by_side(walls)["roof"] == pytest.approx(6.0 * 20.0, rel=0.02)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 5), st.integers(0, 30), st.integers(0, 10**6))
+def test_cells_go_to_their_excavations_as_by_comparing_all(excavations, pieces, seed):
+    """In any order, also where an excavation has none, or only small parts of cells."""
+    rng = np.random.default_rng(seed)
+    pieces = pieces if excavations else 0
+    owner = rng.integers(0, max(excavations, 1), pieces).astype(np.int16)
+    place, share = rng.integers(0, 9, (pieces, 3)), rng.random(pieces)
+    grid = xr.Dataset(
+        {"piece_excavation": ("piece", owner), "piece_fraction": ("piece", share)}
+        | {"piece_origin": (("piece", "xyz"), -3.0 + 0.5 * place)},
+        attrs={"fine_cell": 0.5, "domain_lower": [-3.0, -3.0, -3.0]},
+    )
+    found = _cells_by_excavation(grid, excavations)
+    assert len(found) == excavations
+    for number, cells in enumerate(found):
+        np.testing.assert_array_equal(cells, place[(owner == number) & (share > MIN_SHARE)])
 
 
 def test_a_long_line_is_projected_onto_as_by_trying_all(tmp_path):

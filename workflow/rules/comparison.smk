@@ -75,6 +75,7 @@ rule report:
             openings=FILES.own("openings.nc") if MINE.mined_steps else [],
             observations=FILES.own("observations.nc") if FILES.has_observations else [],
             loading=FILES.own("loading.nc") if FILES.has_loading else [],
+            scans=FILES.own("scans.nc") if FILES.has_scans else [],
             shaking=FILES.own("shaking.nc") if FILES.has_shaking else [],
             **FILES.comparisons(),
         ),

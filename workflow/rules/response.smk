@@ -52,7 +52,33 @@ if FILES.has_observations:
             ENVIRONMENT
         threads: 1
         resources:
-            mem_mb=RESOURCES.reading_memory("observations"),
+            mem_mb=RESOURCES.observation_memory,
+            runtime=60,
+        shell:
+            RUN
+
+
+if FILES.has_scans:
+
+    rule scans:
+        """Overbreak of scanned voids by wall, beside the rock that has failed there."""
+        input:
+            **INPUTS.of("scans", grid=FILES.own("grid.nc"), steps=FILES.own_states(MINE.scan_steps)),
+        output:
+            table=report(
+                FILES.own("scans.csv"),
+                caption="../report/scans.rst",
+                category=MINE.name,
+                labels={"result": "scanned voids"},
+            ),
+            dataset=FILES.own("scans.nc"),
+        log:
+            f"{OWN_LOGS}/scans.log",
+        conda:
+            ENVIRONMENT
+        threads: 1
+        resources:
+            mem_mb=RESOURCES.reading_memory("scans"),
             runtime=60,
         shell:
             RUN

@@ -70,3 +70,21 @@ def _measure_loading(job: Job) -> None:
     found = found.assign_attrs(job.provenance())
     write_dataset(found, job.output("loading.nc"))
     write_csv(found, FIELDS, job.output("loading.csv"))
+
+
+@stage("response", settings=lambda mine, wildcards: mine.scans_slice())
+def scans(job: Job) -> None:
+    """Overbreak of scanned voids by wall, beside the rock that has failed there"""
+    from common.datasets import read_dataset, write_dataset
+    from common.scan_table import FIELDS
+    from response.rock import VARIABLES
+    from response.scan_settings import ScanSlice
+    from response.scans import compare_scans
+    from response.table_csv import write_csv
+
+    grid = read_dataset(job.input("grid"))
+    states = (read_dataset(path, VARIABLES) for path in job.paths("steps"))
+    found = compare_scans(ScanSlice.of(job.settings), grid, states)
+    found = found.assign_attrs(job.provenance())
+    write_dataset(found, job.output("scans.nc"))
+    write_csv(found, FIELDS, job.output("scans.csv"))

@@ -14,6 +14,7 @@ from scipy.stats import chi2
 from catalogs.figures import style
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
+from catalogs.report.scanned_voids import shown_scans
 
 MAX_PANELS = 12  # Instruments whose curves are drawn.
 MAX_CURVES = 6  # Of an instrument: of its anchors or components.
@@ -40,11 +41,11 @@ class InstrumentLine:
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
-    """Content of the section on instruments: lines, the figure of curves, and the number of instruments that it leaves
-    out. None without instruments."""
-    table = evidence.observations
+    """Content of the section on instruments: lines, the figure of curves or None, the number of instruments that it
+    leaves out, and what is shown of scanned voids or None. None without any of them."""
+    table, scans = evidence.observations, shown_scans(evidence.scans, gallery)
     if table is None or not table.sizes["row"]:
-        return None
+        return None if scans is None else {"lines": [], "curves": None, "others": 0, "scans": scans}
     names = list(dict.fromkeys(str(name) for name in table["instrument"].values))
     measured = [name for name in names if np.isfinite(table["measured"].values[_of(table, name)]).any()]
     drawn = [*measured, *(name for name in names if name not in measured)][:MAX_PANELS]
@@ -52,6 +53,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
         "lines": [instrument_line(table, name) for name in names],
         "curves": gallery.add("observations", _curves(evidence, drawn)),
         "others": len(names) - len(drawn),
+        "scans": scans,
     }
 
 

@@ -33,6 +33,7 @@ class OpeningLine:
     largest: float
     volume: float
     new: float
+    fallen: float
     closure: float
     stress: float
     change: float
@@ -82,7 +83,7 @@ def _line(table: xr.Dataset, place: dict[tuple[str, str], int], name: str, row: 
 
     return OpeningLine(
         name, bool(of("filled")), sides, of("depth_largest"), of("failed_volume"), of("failed_volume_step"),
-        of("closure_median"), of("major_stress"), of("major_stress_change"), of("strength_factor"),
+        of("fallen_volume"), of("closure_median"), of("major_stress"), of("major_stress_change"), of("strength_factor"),
         of("through_share"), int(of("events_modelled")), of("events_recorded"),
     )  # fmt: skip
 
