@@ -1,13 +1,14 @@
 """What the model gives at each instrument after each step, beside its readings."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from common.observation_table import FIELDS
+from common.fields import Field
+from common.observation_table import FIELDS, READING_FIELDS
 from common.voigt import NAMES, tensor_from_voigt
 from response.field import Values, values_at
 from response.observation_settings import (
@@ -38,30 +39,73 @@ def places(instrument: Instrument) -> NDArray:
     return along if instrument.measures == STRESS else np.concatenate([[instrument.start], along])
 
 
-def observe(settings: ObservationSlice, grid: xr.Dataset, states: Iterable[xr.Dataset]) -> xr.Dataset:
-    """The table of observations. states: of the steps, in order."""
+def read_values(settings: ObservationSlice, grid: xr.Dataset, state: xr.Dataset, number: int) -> Values:
+    """Fields at the places of all instruments, in order, in the state after the step of this number (from 0)."""
     steps = [step["name"] for step in settings.steps]
     mined = {entry["name"]: entry["mined"] for entry in settings.excavations}
     names = json.loads(grid.attrs["excavation_names"])
     order = np.array([steps.index(mined[name]) if mined.get(name) in steps else len(steps) for name in names])
+    points = [places(one) for one in settings.observations.instruments]
+    return values_at(Rock(state, Voids.of(grid, order <= number)), np.concatenate([np.empty((0, 3)), *points]))
+
+
+def observe(settings: ObservationSlice, grid: xr.Dataset, states: Iterable[xr.Dataset]) -> xr.Dataset:
+    """The table of observations. states: of the steps, in order."""
+    return tabulate(settings, [read_values(settings, grid, state, number) for number, state in enumerate(states)])
+
+
+def tabulate(settings: ObservationSlice, found: list[Values]) -> xr.Dataset:
+    """The table of observations of the values that `read_values` found in each step."""
     instruments = settings.observations.instruments
-    points = [places(one) for one in instruments]
-    bounds = np.cumsum([0, *(len(own) for own in points)])
-    every = np.concatenate([np.empty((0, 3)), *points])
-    found = [
-        values_at(Rock(state, Voids.of(grid, order <= number)), every) for number, state in enumerate(states)
-    ]  # fmt: skip
+    bounds = np.cumsum([0, *(len(places(one)) for one in instruments)])
     rows: list[tuple] = []
     for number, instrument in enumerate(instruments):
         own = slice(bounds[number], bounds[number + 1])
         rows += _rows(instrument, [_part(values, own) for values in found], list(settings.steps))
-    columns = list(zip(*rows, strict=True)) if rows else [() for _ in FIELDS]
+    return _dataset(rows, FIELDS)
+
+
+def _dataset(rows: list[tuple], fields: Sequence[Field]) -> xr.Dataset:
+    """A table of rows, with a variable for each field."""
+    columns = list(zip(*rows, strict=True)) if rows else [() for _ in fields]
     return xr.Dataset(
         {
             field.name: (field.dims, np.array(column, field.dtype), field.attributes)
-            for field, column in zip(FIELDS, columns, strict=True)
+            for field, column in zip(fields, columns, strict=True)
         }
     )
+
+
+def tabulate_readings(settings: ObservationSlice) -> xr.Dataset:
+    """The table of the readings of all instruments, each of which has a file: READING_FIELDS, as read.
+
+    Its rows are those of `tabulate` for the same instruments. Of an instrument that was zeroed, readings count from the
+    step on in which it was. Raises InputError for a file that cannot be read.
+    """
+    rows: list[tuple] = []
+    names = [step["name"] for step in settings.steps]
+    for instrument in settings.observations.instruments:
+        scale, unit = scale_of(instrument)
+        measured = scale * at_steps(read_readings(instrument, instrument.name), list(settings.steps), None)
+        if instrument.since is not None:
+            measured[: names.index(instrument.since)] = np.nan
+        error, zeroed = scale * instrument.reading_error(), int(instrument.since is not None)
+        for place, distance in enumerate(distances_of(instrument)):
+            rows += [
+                (instrument.name, float(distance), name, unit, float(measured[number, place]), error, zeroed)
+                for number, name in enumerate(names)
+            ]
+    return _dataset(rows, READING_FIELDS)
+
+
+def scale_of(instrument: Instrument) -> tuple[float, str]:
+    """Factor from SI units to those of the tables, and their name."""
+    return (MPA, "MPa") if instrument.quantity == STRESS else (MM, "mm")
+
+
+def distances_of(instrument: Instrument) -> NDArray:
+    """Distances (place,) of the points of a line from its start, m; NaN for the one place of any other instrument."""
+    return instrument.distances if isinstance(instrument, ObservedLine) else np.array([np.nan])
 
 
 def _part(values: Values, own: slice) -> Values:
@@ -71,9 +115,9 @@ def _part(values: Values, own: slice) -> Values:
 
 def _rows(instrument: Instrument, found: list[Values], steps: list[dict]) -> Iterable[tuple]:
     """Rows of an instrument: each quantity, place and step."""
-    scale, unit = (MPA, "MPa") if instrument.quantity == STRESS else (MM, "mm")
+    scale, unit = scale_of(instrument)
     first = None if instrument.since is None else [step["name"] for step in steps].index(instrument.since)
-    distances = instrument.distances if isinstance(instrument, ObservedLine) else np.array([np.nan])
+    distances = distances_of(instrument)
     measured = np.full((len(steps), len(distances)), np.nan)
     reading_error = np.nan
     if instrument.file is not None:
