@@ -18,6 +18,7 @@ BINS = 24
 SMOOTHING = 1.5  # Standard deviation, in bins, of the kernel that lines of a pair are smoothed with.
 MAX_INSTRUMENTS = 12  # Whose readings are drawn.
 INSTRUMENT_COLUMNS = 3
+MAX_LABELS = 6  # Steps whose names stand below a panel.
 MODEL_DRAWS = 400  # Points of the posterior whose readings make the interval of an instrument.
 LEVELS = (0.9, 0.5)  # Shares of the posterior within the lines of a pair.
 
@@ -186,8 +187,9 @@ def draw_instruments(fit: Fit) -> Figure:
             )
             panel.plot(at[own] + shift, measured[own], "o", color=f"C{place}", fillstyle="none", label=label)
         panel.set_title(one.name, loc="left")
-        panel.set(ylabel=one.unit, xticks=np.arange(len(steps)))
-        panel.set_xticklabels(steps, rotation=30, ha="right")
+        every = -(-len(steps) // MAX_LABELS)
+        panel.set(ylabel=one.unit, xlim=(-0.5, len(steps) - 0.5), xticks=np.arange(0, len(steps), every))
+        panel.set_xticklabels(steps[::every], rotation=30, ha="right")
         if places.max():
             panel.legend(fontsize="x-small")
     for panel in panels[len(shown) :]:
