@@ -16,6 +16,10 @@ from catalogs.figures import style
 
 BINS = 24
 SMOOTHING = 1.5  # Standard deviation, in bins, of the kernel that lines of a pair are smoothed with.
+MAX_INSTRUMENTS = 12  # Whose readings are drawn.
+INSTRUMENT_COLUMNS = 3
+MAX_LABELS = 6  # Steps whose names stand below a panel.
+MODEL_DRAWS = 400  # Points of the posterior whose readings make the interval of an instrument.
 LEVELS = (0.9, 0.5)  # Shares of the posterior within the lines of a pair.
 
 
@@ -149,4 +153,45 @@ def draw_surrogate(fit: Fit, steps: Sequence[str]) -> Figure:
         label_log_axis(panel.xaxis)
         label_log_axis(panel.yaxis)
     figure.axes[0].legend()
+    return figure
+
+
+def draw_instruments(fit: Fit) -> Figure:
+    """Readings of each instrument by step, as points, and the 90 % interval of the calibrated model's; an interval
+    contains all errors. Where the zero is unknown, values are those relative to the mean of the place."""
+    term = fit.likelihood.instruments
+    assert term is not None
+    scores, variance = fit.instrument_scores()
+    chosen = fit.posterior.draws_of(MODEL_DRAWS, seed=0)
+    errors = term.likeliest_errors(scores, variance, fit.posterior.weights)
+    generator = np.random.default_rng(0)
+    shown = list(zip(term.instruments, errors, strict=True))[:MAX_INSTRUMENTS]
+    rows = -(-len(shown) // INSTRUMENT_COLUMNS)
+    figure = style.new_figure(height=0.5 + 2.2 * rows)
+    panels = figure.subplots(rows, INSTRUMENT_COLUMNS, squeeze=False).ravel()
+    for panel, (one, error) in zip(panels, shown, strict=False):
+        covariance = one.covariance(scores[chosen], variance[chosen], term.model_error, error)
+        noise = np.linalg.cholesky(covariance) @ generator.standard_normal((len(chosen), len(one.value), 1))
+        drawn = one.centred(one.expected(scores[chosen]) + noise[:, :, 0])
+        low, high = np.quantile(drawn, [0.05, 0.95], axis=0)
+        measured, steps = one.centred(one.value), list(dict.fromkeys(one.step))
+        at = np.array([steps.index(step) for step in one.step])
+        places = np.unique(one.distance, return_inverse=True)[1]
+        for place in range(places.max() + 1):
+            own = places == place
+            label = f"{one.distance[own][0]:g} m" if np.isfinite(one.distance[own][0]) else None
+            shift = 0.12 * (place - 0.5 * places.max())
+            middle = 0.5 * (low + high)[own]
+            panel.errorbar(
+                at[own] + shift, middle, [(high - low)[own] / 2] * 2, fmt="none", color=f"C{place}", capsize=2
+            )
+            panel.plot(at[own] + shift, measured[own], "o", color=f"C{place}", fillstyle="none", label=label)
+        panel.set_title(one.name, loc="left")
+        every = -(-len(steps) // MAX_LABELS)
+        panel.set(ylabel=one.unit, xlim=(-0.5, len(steps) - 0.5), xticks=np.arange(0, len(steps), every))
+        panel.set_xticklabels(steps[::every], rotation=30, ha="right")
+        if places.max():
+            panel.legend(fontsize="x-small")
+    for panel in panels[len(shown) :]:
+        panel.set_axis_off()
     return figure

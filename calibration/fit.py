@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.instruments import InstrumentTerm
 from calibration.likelihood import MAX_IMPLAUSIBILITY, Likelihood
 from calibration.posterior import POINTS, Posterior, find_posterior, weighted_quantiles
 from calibration.recorded import RecordedOutputs, clustered_numbers
@@ -63,6 +64,15 @@ class Fit:
     def log_likelihood(self, points: NDArray) -> NDArray:
         """Log-likelihood of the record at each point, (point,)."""
         return self.likelihood(*self.expected(points))
+
+    def instrument_scores(self) -> tuple[NDArray, NDArray]:
+        """Scores of the instruments at the points of the posterior, and their variance; see `Likelihood.scores`."""
+        return self.likelihood.scores(*self.expected(self.posterior.points))
+
+    def with_terms(self, terms: Sequence[str], seed: int) -> "Fit":
+        """The fit of the same trials by other terms."""
+        likelihood = replace(self.likelihood, terms=terms)
+        return fit_likelihood(self.surrogate, likelihood, self.posterior.points.shape[1], seed)
 
     @property
     def best_log_likelihood(self) -> float:
@@ -120,8 +130,9 @@ def calibrate(
     seed: int,
     surrogate: Surrogate | None = None,
     points: int = POINTS,
+    instruments: InstrumentTerm | None = None,
 ) -> Fit:
-    """Calibrate the quantities of these rows to a record, of which the given terms count.
+    """Calibrate the quantities of these rows to a record and to readings, of which the given terms count.
 
     surrogate: one of these rows, if there is one. points: Sobol points of a round.
     """
@@ -131,7 +142,7 @@ def calibrate(
     gain_error = np.sqrt(np.mean(missed[:, columns[PLACES]] ** 2, axis=0)) if PLACES in columns else None
     shared = shared_error(missed[:, columns[POTENCY]], missed[:, columns[NUMBER]])
     chance = surrogate.noise * surrogate.miss
-    likelihood = Likelihood(recorded, terms, columns, correction, model_error, chance, gain_error, shared)
+    likelihood = Likelihood(recorded, terms, columns, correction, model_error, chance, gain_error, shared, instruments)
     return fit_likelihood(surrogate, likelihood, rows.points.shape[1], seed, points)
 
 
@@ -165,12 +176,14 @@ def calibrate_to_trials(
     """Calibrate to a record made with the values of each of these trials (of its first row), without that trial.
 
     The record has what all other trials predict there, with the error of that prediction, clusters of events, the
-    chance of their sizes, and the model's error. Trials and made-up record have the same cells, so that nothing is
-    corrected for them. gains: for a row, the information gain of all rows (row, step) at its events; needed where
-    places count.
+    chance of their sizes, and the model's error. Readings have what is predicted, with all errors of an instrument that
+    works. Trials and made-up record have the same cells, so that nothing is corrected for them. gains: for a row, the
+    information gain of all rows (row, step) at its events; needed where places count.
     """
     generator = np.random.default_rng(seed)
     held, widths, posteriors = [], [], []
+    if fit.likelihood.instruments is not None:
+        errors = fit.likelihood.instruments.likeliest_errors(*fit.instrument_scores(), fit.posterior.weights)
     for trial in trials:
         row = int(np.flatnonzero(rows.trials == trial)[0])
         by_term = dict(rows.outputs.by_term)
@@ -181,8 +194,12 @@ def calibrate_to_trials(
         surrogate = fit.surrogate.of(rows.points[others], trial_outputs.all[others], rows.trials[others])
         uncorrected = CellCorrection.none(trial_outputs)
         mean, deviation = (part[0] for part in expected(surrogate, uncorrected, rows.points[row : row + 1]))
-        record = _made_record(mean, deviation, fit, generator)
+        record = _made_record(mean, deviation, fit, generator) if fit.steps else fit.recorded
         likelihood = replace(fit.likelihood, recorded=record, correction=uncorrected)
+        if likelihood.instruments is not None:
+            scores, variance = (part[0] for part in likelihood.scores(mean[None], deviation[None]))
+            made = likelihood.instruments.made(scores, variance, errors, generator)
+            likelihood = replace(likelihood, instruments=made)
         tested = fit_likelihood(surrogate, likelihood, rows.points.shape[1], seed + int(trial), SELF_TEST_POINTS)
         posterior = tested.posterior
         low, _, high = posterior.intervals(INTERVAL_SHARE)

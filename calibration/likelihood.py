@@ -4,7 +4,8 @@ Each term takes what the surrogate expects of the model at many points and what 
 log-likelihoods (point,). Numbers are judged by a negative binomial distribution, as recorded events come in clusters.
 Potency and sizes are judged together by a Student t distribution of their logarithms: sums of heavy-tailed sizes have
 outliers. Where the number counts, too, potency counts as that of the mean event: clusters change potency and number
-alike, and would count twice. Places are judged by the smoothed density of the modelled ones.
+alike, and would count twice. Places are judged by the smoothed density of the modelled ones. Readings of instruments
+have a module of their own, `instruments`.
 """
 
 from collections.abc import Sequence
@@ -12,13 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, logsumexp
+from scipy.special import logsumexp
 from scipy.stats import chi2, nbinom, norm
 
+from calibration.instruments import InstrumentTerm
 from calibration.recorded import RecordedOutputs
+from calibration.settings import INSTRUMENTS
+from calibration.student import student_density
 from calibration.trials import MEAN_POTENCY, NUMBER, PLACES, POTENCY, SIZES, CellCorrection, Discrepancy
 
-DEGREES_OF_FREEDOM = 5.0  # Of the Student t distribution of potency and sizes.
 NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)  # Of the mean over what the surrogate does not know.
 MAX_IMPLAUSIBILITY = 3.0  # Above it no trial within the ranges fits the record (three-sigma rule, Pukelsheim 1994).
 
@@ -48,6 +51,7 @@ class Likelihood:
     are two estimates of how far one course of events lies from its expectation: the larger counts.
     gain_error (step,): r.m.s. error, nats, with which the information gain at recorded places is predicted.
     shared: correlation of what the surrogate and chance leave open of ln potency and of ln number.
+    instruments: their readings, if they count.
     """
 
     recorded: RecordedOutputs
@@ -58,6 +62,16 @@ class Likelihood:
     chance: NDArray
     gain_error: NDArray | None = None
     shared: float = 0.0
+    instruments: InstrumentTerm | None = None
+
+    def scores(self, mean: NDArray, deviation: NDArray) -> tuple[NDArray, NDArray]:
+        """Expected scores (point, score) of the instruments, and the variance that surrogate, chance and cells leave.
+
+        mean, deviation: as of `__call__`.
+        """
+        part = self.columns[INSTRUMENTS]
+        by_cells = 0.0 if self.correction.scatter is None else self.correction.scatter**2
+        return mean[:, part], deviation[:, part] ** 2 + self.chance[part] ** 2 + by_cells
 
     def discrepancy(self, term: str) -> Discrepancy:
         """Error of the cells and of the model in the outputs of a term."""
@@ -77,6 +91,8 @@ class Likelihood:
             total += mean[:, self.columns[PLACES]] @ self.place_weights()
         if (sizes := self.size_differences(mean, deviation)).off.shape[1]:
             total += student_term(sizes)
+        if self.instruments is not None and INSTRUMENTS in self.terms:
+            total += self.instruments(*self.scores(mean, deviation)).sum(axis=1)
         return total
 
     @property
@@ -149,7 +165,24 @@ class Likelihood:
         return potency**2 + number**2 - 2.0 * self.shared * potency * number
 
     def differences(self, mean: NDArray, deviation: NDArray) -> Differences:
-        """Differences of all values of the terms that count. Places have no expected value."""
+        """Differences of all values of the terms that count. Places have no expected value.
+
+        Of the instruments, those that work at the first point.
+        """
+        found = self.catalogue_differences(mean, deviation)
+        if self.instruments is None or INSTRUMENTS not in self.terms:
+            return found
+        scores, variance = self.scores(mean, deviation)
+        first = scores[:1], variance[:1], np.ones(1)
+        errors, working = self.instruments.likeliest_errors(*first), self.instruments.working(*first)
+        for one, error, probability in zip(self.instruments.instruments, errors, working, strict=True):
+            if probability > 0.5:
+                covariance = one.covariance(scores, variance, self.model_error, error)
+                found = found.beside(Differences(one.value - one.expected(scores), covariance))
+        return found
+
+    def catalogue_differences(self, mean: NDArray, deviation: NDArray) -> Differences:
+        """Differences of the values of the record that count."""
         sizes = self.size_differences(mean, deviation)
         if NUMBER not in self.terms:
             return sizes
@@ -164,9 +197,16 @@ class Likelihood:
         """Distance of the recorded values from the expected ones, (point,), in standard deviations.
 
         The larger of two distances: that of the value that is furthest off, and that of all together. The latter is
-        the distance of a normal value that is as improbable as their sum of squares.
+        the distance of a normal value that is as improbable as their sum of squares. Of the instruments, that of the
+        one in the middle: some may be broken.
         """
-        found = self.differences(mean, deviation)
+        of_record = self._of_record(mean, deviation)
+        if self.instruments is None or INSTRUMENTS not in self.terms:
+            return of_record
+        return np.maximum(of_record, np.median(self.instruments.distances(*self.scores(mean, deviation)), axis=1))
+
+    def _of_record(self, mean: NDArray, deviation: NDArray) -> NDArray:
+        found = self.catalogue_differences(mean, deviation)
         count = found.off.shape[1]
         if not count:
             return np.zeros(len(mean))
@@ -178,13 +218,10 @@ class Likelihood:
 
 def student_term(found: Differences) -> NDArray:
     """Log-density (point,) of differences (point, value) with this covariance: multivariate Student t."""
-    values, freedom = found.off.shape[1], DEGREES_OF_FREEDOM
-    shape = found.covariance * (freedom - 2.0) / freedom  # that of a t distribution is smaller than its covariance
-    factor = np.linalg.cholesky(shape)
+    factor = np.linalg.cholesky(found.covariance)
     residual = np.linalg.solve(factor, found.off[:, :, None])[:, :, 0]
     half_log_det = np.log(np.einsum("nii->ni", factor)).sum(axis=1)
-    constant = gammaln((freedom + values) / 2) - gammaln(freedom / 2) - values / 2 * np.log(freedom * np.pi)
-    return constant - half_log_det - (freedom + values) / 2 * np.log1p((residual**2).sum(axis=1) / freedom)
+    return student_density((residual**2).sum(axis=1), half_log_det, found.off.shape[1])
 
 
 def number_term(

@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from calibration.figures import draw_pairs, draw_predictions, draw_surrogate
+from calibration.figures import draw_instruments, draw_pairs, draw_predictions, draw_surrogate
 from calibration.fit import INTERVAL_SHARE, Fit, Rows, SelfTest
+from calibration.instrument_findings import BOTH, CATALOGUE, InstrumentFindings, sentences
 from calibration.likelihood import MAX_IMPLAUSIBILITY
 from calibration.limits import BeyondRange, SizeLaw
-from calibration.settings import CalibratedQuantity
+from calibration.settings import INSTRUMENTS, CalibratedQuantity
 from calibration.tradeoffs import best_known_strengths, correlation, telling_observations
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES
 from catalogs.figures import style
@@ -51,15 +52,28 @@ class Trials:
 
 @dataclass(frozen=True)
 class Tests:
-    """Tests of a calibration: on known trials, of the ends of the ranges, of the law of sizes.
+    """Tests of a calibration: on known trials, of the ends of the ranges, of the law of sizes and of the instruments.
 
-    cut: log10 m3, from which events count.
+    law: None where no record counts; instruments: None where none counts; cut: log10 m3, from which events count.
     """
 
     known: SelfTest
     beyond: BeyondRange
-    law: SizeLaw
+    law: SizeLaw | None
     cut: float
+    instruments: InstrumentFindings | None = None
+
+
+def evidence(fit: Fit) -> str:
+    """What the quantities are calibrated to, as a singular noun with its article."""
+    if INSTRUMENTS not in fit.likelihood.terms:
+        return "the record"
+    return "the evidence of record and readings" if fit.steps else "the evidence of the readings"
+
+
+def capital(text: str) -> str:
+    """Text with a capital first letter."""
+    return text[:1].upper() + text[1:]
 
 
 def format_number(number: float) -> str:
@@ -86,9 +100,9 @@ def warnings(fit: Fit, quantities: Sequence[CalibratedQuantity], tests: Tests, t
     least = fit.posterior.implausibility
     if not fit.fits:
         lines.append(
-            "No values within the ranges fit the record: at the nearest, one of its numbers or all of them together "
-            f"are {least:.1f} standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the ranges, or "
-            "look for what the model lacks. The intervals below mean little."
+            f"No values within the ranges fit {evidence(fit)}: at the nearest, one of its numbers or all of them "
+            f"together are {least:.1f} standard deviations off ({MAX_IMPLAUSIBILITY:g} are plausible). Widen the "
+            "ranges, or look for what the model lacks. The intervals below mean little."
         )
     beyond, law = tests.beyond, tests.law
     if beyond.is_told:
@@ -98,18 +112,19 @@ def warnings(fit: Fit, quantities: Sequence[CalibratedQuantity], tests: Tests, t
             for number, side in beyond.ends.items()
         )
         lines.append(
-            f"The record points beyond {ends}: values outside would fit better by {beyond.improvement:.1f} standard "
-            f"deviations (p {_p_value(beyond.p_value)} if the true values lie within the ranges). Widen the range. If "
-            "that cannot be, the model lacks something, and the intervals below mean little."
+            f"{capital(evidence(fit))} points beyond {ends}: values outside would fit better by "
+            f"{beyond.improvement:.1f} standard deviations (p {_p_value(beyond.p_value)} if the true values lie within "
+            "the ranges). Widen the range. If that cannot be, the model lacks something, and the intervals below mean "
+            "little."
         )
-    if law.is_told:
+    if law is not None and law.is_told:
         lines.append(
             f"The recorded sizes have another law than those of the model: above the cut b of log potency is "
             f"{law.recorded:.2f} in the record, and {law.modelled[0]:.2f} to {law.modelled[1]:.2f} (90 %) for such a "
             f"record of the calibrated model (p {_p_value(law.p_value)} if both are one). The few largest events rule "
             "the potency: trust neither the potency nor the forecasts of the calibrated model."
         )
-    return lines
+    return [*lines, *(sentences(tests.instruments) if tests.instruments else [])]
 
 
 def _p_value(p_value: float) -> str:
@@ -118,22 +133,22 @@ def _p_value(p_value: float) -> str:
 
 def verdict(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[str]:
     """The results of the calibration, in sentences."""
-    lines = []
+    lines, source = [], capital(evidence(fit))
     left = fit.posterior.width_left()
     named = list(zip(quantities, left, strict=True))
     known = [f"{one.title} to {100 * width:.0f} %" for one, width in named if width <= UNKNOWN_WIDTH]
     unknown = [one.title for one, width in named if width > UNKNOWN_WIDTH]
     if known:
-        lines.append(f"The record narrows the range of {', of '.join(known)} of its width.")
+        lines.append(f"{source} narrows the range of {', of '.join(known)} of its width.")
     if unknown:
-        lines.append(f"The record says hardly anything of {' and of '.join(unknown)}.")
+        lines.append(f"{source} says hardly anything of {' and of '.join(unknown)}.")
     related = correlation(fit)
     for first in range(len(quantities)):
         for other in range(first):
             if abs(related[first, other]) > RIDGE_CORRELATION:
                 way = "both larger or both smaller" if related[first, other] > 0 else "one larger and the other smaller"
                 lines.append(
-                    f"The record cannot tell {quantities[other].title} from {quantities[first].title}: {way} fits as "
+                    f"{source} cannot tell {quantities[other].title} from {quantities[first].title}: {way} fits as "
                     f"well (correlation {related[first, other]:.2f})."
                 )
     for strength in best_known_strengths(fit, quantities):
@@ -167,10 +182,12 @@ def write_page(
         evenly = np.isin(rows.trials, trials.of_kind("design"))
         prior = fit.expected(rows.points[evenly])[0]
         figures = {
-            "pairs": draw_pairs(fit, quantities, rows.points[~np.isin(rows.trials, trials.of_kind("replicate"))]),
-            "predictions": draw_predictions(fit, steps, prior),
-            "surrogate": draw_surrogate(fit, steps),
+            "pairs": draw_pairs(fit, quantities, rows.points[~np.isin(rows.trials, trials.of_kind("replicate"))])
         }
+        if steps:
+            figures |= {"predictions": draw_predictions(fit, steps, prior), "surrogate": draw_surrogate(fit, steps)}
+        if tests.instruments is not None:
+            figures["instruments"] = draw_instruments(fit)
         pictures = {name: style.save(figure, page.parent / f"{name}.svg") for name, figure in figures.items()}
     text = (
         page_templates(TEMPLATES)
@@ -179,11 +196,16 @@ def write_page(
             mine=mine,
             warnings=warnings(fit, quantities, tests, trials),
             verdict=verdict(fit, quantities),
+            evidence=evidence(fit),
+            with_record=bool(steps),
+            added=added_rows(tests.instruments, quantities),
+            instruments_sentence=instruments_sentence(tests.instruments),
+            instrument_lines=tests.instruments.instruments if tests.instruments else (),
             cut=f"{tests.cut:.2f}",
             quantities=quantity_rows(fit, quantities),
             steps=step_rows(fit, steps),
             trials_sentence=trials_sentence(fit, trials),
-            tested=tested_sentence(tests.known, quantities),
+            tested=tested_sentence(tests.known, quantities, fit),
             best=best_rows(fit, rows, trials, quantities),
             model_error=fit.likelihood.model_error,
             draws=draws,
@@ -211,6 +233,41 @@ def quantity_rows(fit: Fit, quantities: Sequence[CalibratedQuantity]) -> list[di
             }
         )
     return rows
+
+
+def added_rows(found: InstrumentFindings | None, quantities: Sequence[CalibratedQuantity]) -> list[dict]:
+    """Interval and width left of each quantity by the catalogue alone, by the instruments alone, and by both."""
+    if found is None or len(found.intervals) < 2:
+        return []
+    rows = []
+    for number, quantity in enumerate(quantities):
+        by_data = [
+            f"{_between_values(quantity, ends[0, number], ends[-1, number])} ({found.widths[name][number]:.2f})"
+            for name, ends in found.intervals.items()
+        ]
+        rows.append(
+            {"key": f"{quantity.title} ({quantity.unit})" if quantity.unit else quantity.title, "vals": by_data}
+        )
+    return rows
+
+
+def _between_values(quantity: CalibratedQuantity, low: float, high: float) -> str:
+    return f"{formatted(quantity, low)} to {formatted(quantity, high)}"
+
+
+def instruments_sentence(found: InstrumentFindings | None) -> str:
+    """State what instruments add to the catalogue, and which of them have no reading that counts."""
+    if found is None:
+        return ""
+    text = ""
+    if BOTH in found.widths:
+        ratio = found.widths[BOTH] / found.widths[CATALOGUE]
+        text = (
+            f"With the instruments the intervals have {100 * np.median(ratio):.0f} % of their width without (median). "
+        )
+    if found.unused:
+        text += f"No reading of {', '.join(found.unused)} counts: one that was zeroed needs readings in two steps. "
+    return text
 
 
 def step_rows(fit: Fit, steps: Sequence[str]) -> list[dict]:
@@ -241,43 +298,55 @@ def _between(low: float, high: float) -> str:
 def trials_sentence(fit: Fit, trials: Trials) -> str:
     """State the number of trials, and the error with which they predict each other."""
     mean, deviation = fit.surrogate.left_out()
-    inside = np.mean(np.abs(fit.surrogate.outputs - mean) < 1.645 * deviation)
+    missed = fit.surrogate.outputs - mean
+    inside = np.mean(np.abs(missed) < 1.645 * deviation)
     potency = fit.likelihood.columns[POTENCY]
-    off = np.sqrt(np.mean((fit.surrogate.outputs - mean)[:, potency] ** 2))
     text = f"{trials.count('design')} trials fill the ranges evenly"
     if trials.count("replicate"):
         text += f", and {trials.count('replicate')} more in their middle differ by chance only"
     text += ". "
     if trials.count("further"):
         text += f"{trials.count('further')} further trials lie where those before left most uncertain. "
-    if trials.pairs:
+    if trials.pairs and fit.steps:
         shift = np.exp(fit.likelihood.correction.shift[potency])
         text += (
             f"{trials.pairs} were run on the mine's own cells, too, which multiply the potency of the steps by "
             f"{', '.join(f'{value:.2f}' for value in shift)}. "
         )
-    if trials.pairs and trials.nothing_fails_before_record:
+    elif trials.pairs:
+        text += f"{trials.pairs} were run on the mine's own cells, too, whose mean difference corrects the others. "
+    if trials.pairs and fit.steps and trials.nothing_fails_before_record:
         text += (
             "On cells of twice the size no rock fails in history, as they do not resolve its openings. The factors "
             "carry this, and their scatter is part of the uncertainty. "
             "Trials with calibration.cells: own need no factors. "
         )
-    return text + (
-        f"All others predict the potency of a trial to {100 * off:.0f} % (r.m.s.), and their 90 % intervals hold "
-        f"{100 * inside:.0f} % of what the trials made."
+    held = f"{100 * inside:.0f} % of what the trials made."
+    if not fit.steps:
+        return f"{text}What all others predict for a trial has 90 % intervals that hold {held}"
+    off = np.sqrt(np.mean(missed[:, potency] ** 2))
+    return (
+        f"{text}All others predict the potency of a trial to {100 * off:.0f} % (r.m.s.), and their 90 % intervals hold "
+        f"{held}"
     )
 
 
-def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity]) -> str:
+def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity], fit: Fit) -> str:
     """State how often the intervals held values that are known."""
+    made = "a record was made with its values, of what all other trials predict there"
+    errors = "Its events come in clusters like the record's, with sizes drawn at random."
+    if INSTRUMENTS in fit.likelihood.terms:
+        both = "a record and readings were" if fit.steps else "readings were"
+        made = f"{both} made with its values, of what all other trials predict there"
+        errors = f"{errors} " if fit.steps else ""
+        errors += "Readings have all errors that instruments which work are thought to have."
     widths = ", ".join(
         f"{quantity.title} {width:.2f}" for quantity, width in zip(quantities, tested.width.mean(axis=0), strict=True)
     )
     error = 100.0 * np.sqrt(0.9 * 0.1 / tested.held.size)
     return (
-        f"For each of the {len(tested.held)} designed trials a record was made with its values, of what all other "
-        "trials predict there, and calibrated to without the trial. Its events come in clusters like the record's, "
-        f"with sizes drawn at random. The 90 % intervals hold {100 * tested.coverage:.0f} % of the true values "
+        f"For each of the {len(tested.held)} designed trials {made}, and calibrated to without the trial. {errors} "
+        f"The 90 % intervals hold {100 * tested.coverage:.0f} % of the true values "
         f"(standard error {error:.0f} %). Their mean width, over that of the prior: {widths}."
     )
 
@@ -318,7 +387,7 @@ def write_table(
         columns[f"events {step}"] = np.exp(by_term[NUMBER][:, index])
         if PLACES in by_term:
             columns[f"gain {step}, nats"] = by_term[PLACES][:, index]
-    if SIZES in by_term:
+    if SIZES in by_term and steps:
         columns["mean log potency above the cut"] = np.exp(by_term[SIZES][:, 0])
     columns["log-likelihood"] = fit.log_likelihood(rows.points)
     with atomic_path(table) as temporary:

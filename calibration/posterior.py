@@ -59,8 +59,11 @@ class Posterior:
 
     def draws(self, count: int, seed: int) -> NDArray:
         """Points (draw, quantity) drawn at random by their weights."""
-        index = np.random.default_rng(seed).choice(len(self.points), count, p=self.weights)
-        return self.points[index]
+        return self.points[self.draws_of(count, seed)]
+
+    def draws_of(self, count: int, seed: int) -> NDArray:
+        """Numbers (draw,) of points drawn at random by their weights."""
+        return np.random.default_rng(seed).choice(len(self.points), count, p=self.weights)
 
     def width_left(self, share: float = 0.9) -> NDArray:
         """Width of the interval with this share over that of the prior, (quantity,)."""

@@ -39,6 +39,11 @@ class RecordedOutputs:
     log_excess: float = 0.0
     size_errors: NDArray = field(default_factory=lambda: np.empty((0, 0)))
 
+    @classmethod
+    def none(cls) -> "RecordedOutputs":
+        """Outputs of no step, where no record counts."""
+        return cls(np.empty(0), np.empty(0, int))
+
     @property
     def log_number(self) -> NDArray:
         """ln of the number (step,), half an event where there is none."""

@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 from common.quantities import QUANTITY_PATTERN
 from common.setting_types import KEY_PATTERN, AsTuple, Settings, Unit, choose, real_number, refusal, whole_number
 
-Terms = Literal["potency", "number", "places", "sizes"]
+Terms = Literal["potency", "number", "places", "sizes", "instruments"]
+INSTRUMENTS = "instruments"  # The term that is no part of the catalogue.
 EVENT_SECTION = "seismic."  # Keys that begin so change events, and not the rock: no run is needed for other values.
 STRENGTH = re.compile(
     r"(?P<material>materials\.[A-Za-z0-9_-]+)\.cohesion\.(?P<state>intact|residual)"
@@ -156,16 +157,29 @@ class CalibrationSettings(Settings):
     """Number of trials with doubled cells that are also run on the mine's own cells. They tell what the cells
     change."""
     terms: Annotated[tuple[Terms, ...], Field(min_length=1), AsTuple] = ("potency", "number")
-    """What of the record counts. `potency` and `number`: the summed potency and the number of events of each step.
-    `places`: where the events of each step are. `sizes`: the mean logarithm of their potency above the cut."""
+    """What counts. Of the record, `potency` and `number`: the summed potency and the number of events of each step;
+    `places`: where the events of each step are; `sizes`: the mean logarithm of their potency above the cut.
+    `instruments`: readings of the instruments in `observations`, with the record or alone. By default they stay out, so
+    that they can test the calibrated mine."""
     complete_above: Annotated[float, Unit("m^3", gt=0, le=1e20)] = None
     """Potency from which the record is complete: above it the network missed no event. Default: estimated from the
     recorded sizes, where they tell it."""
     model_error: real_number(ge=0, le=2) = 0.1
     """Standard deviation of the natural logarithm of potency and number that each step of the model has beside its
-    cells and chance: errors of the plan, the stress and the law."""
+    cells and chance: errors of the plan, the stress and the law. What the model gives at an instrument has a factor
+    with this deviation, too."""
     seed: whole_number(ge=0, le=2**32 - 1) = 1
     """Seed of the random generator."""
+
+    @property
+    def catalogue_terms(self) -> tuple[Terms, ...]:
+        """The terms that need a record."""
+        return tuple(term for term in self.terms if term != INSTRUMENTS)
+
+    @property
+    def uses_instruments(self) -> bool:
+        """True if readings count."""
+        return INSTRUMENTS in self.terms
 
     @model_validator(mode="after")
     def _different(self) -> Self:

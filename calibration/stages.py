@@ -11,21 +11,21 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from calibration.fit import INTERVAL_SHARE, Fit, Rows, SelfTest, calibrate, calibrate_to_trials
+from calibration.instrument_findings import by_terms, find
+from calibration.instruments import instrument_term
 from calibration.limits import beyond_range, compare_b
 from calibration.mine_files import write_mine
 from calibration.page import Tests, Trials, write_page, write_table
 from calibration.posterior import POINTS
-from calibration.recorded import check_record, complete_above, covered, read_record
-from calibration.settings import CalibrationSettings
+from calibration.recorded import RecordedOutputs, check_record, complete_above, covered, read_record
+from calibration.settings import INSTRUMENTS, CalibrationSettings
 from calibration.surrogate import Surrogate
 from calibration.tradeoffs import further_points
 from calibration.trials import (
     MIN_PAIRS,
-    NUMBER,
     PLACES,
-    POTENCY,
-    SIZES,
     CellCorrection,
+    Outputs,
     Places,
     common_cut,
     counted_events,
@@ -40,6 +40,7 @@ from catalogs.settings import DatedStep
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
 from common.event_table import read_events
+from common.observation_table import MODELLED, MODELLED_ERROR
 from seismic.catalog import extractions
 
 MAX_COLLAPSED_SHARE = 0.5  # A calibration that leaves more of its trials out says little of its ranges.
@@ -48,7 +49,8 @@ MAX_COLLAPSED_SHARE = 0.5  # A calibration that leaves more of its trials out sa
 @dataclass(frozen=True)
 class TrialCatalogues:
     """Catalogues of trials: points (row, quantity), catalogue of each row and its trial (row,); catalogues of the
-    `paired` trials, by number, on the mine's own cells; by number of a trial that is left out, why it has collapsed."""
+    `paired` trials, by number, on the mine's own cells; by number of a trial that is left out, why it has collapsed.
+    A catalogue also holds what its trial gives at readings, if they count."""
 
     points: NDArray
     rows: list[xr.Dataset]
@@ -116,45 +118,66 @@ class Calibration:
         return calibrate_to_trials(self.fit, self.rows, trials, self.settings.seed, gains_at)
 
 
-def read_calibration(given: dict, trials: Sequence[Path], finer: Sequence[Path], record_file: Path) -> Calibration:
-    """The calibration of a stage's slice to a record.
+def read_calibration(
+    given: dict, trials: Sequence[Path], finer: Sequence[Path], record: Path | None, readings: Path | None = None
+) -> Calibration:
+    """The calibration of a stage's slice to a record, to readings, or to both.
 
     trials: files of their catalogues, in the slice's order; finer: files of the first designed trials on the mine's own
-    cells. Raises InputError where the record lacks what the terms need."""
+    cells. Raises InputError where record or readings lack what the terms need."""
     settings = CalibrationSettings.of(given["calibration"], "calibration")
     dated = tuple(DatedStep.of(step) for step in given["steps"])
     points = np.concatenate([np.array(trial["rows"]) for trial in given["trials"]])
     found = TrialCatalogues.read(points, trials, finer, settings.replicates)
-    return calibrate_catalogues(settings, dated, found, read_dataset(record_file))
+    of_record, of_readings = (None if path is None else read_dataset(path) for path in (record, readings))
+    return calibrate_catalogues(settings, dated, found, of_record, readings=of_readings)
 
 
 def calibrate_catalogues(
     settings: CalibrationSettings,
     dated: tuple[DatedStep, ...],
     trials: TrialCatalogues,
-    record: xr.Dataset,
+    record: xr.Dataset | None,
     sobol: int = POINTS,
+    readings: xr.Dataset | None = None,
+    surrogate: Surrogate | None = None,
 ) -> Calibration:
-    """The calibration of trials to a record; sobol: points of a round of the posterior. Raises InputError where the
-    record lacks what the terms need, and where quantities change no trial."""
-    steps = tuple(step.name for step in dated)
+    """The calibration of trials to a record, to readings, or to both; sobol: points of a round of the posterior.
+
+    surrogate: one of the same outputs, if there is one. Without a term of the catalogue the record is not looked at,
+    and no step of it counts. Raises InputError where record or readings lack what the terms need, and where quantities
+    change no trial."""
     catalogues, fine = trials.rows, trials.finer
-    exposure = Exposure.of(dated, common_period(record))
-    check_record(record, dated, exposure, settings.terms)
-    cut = common_cut([*catalogues, *fine], complete_above(record, settings.complete_above))
-    logging.info("events count from log10 potency %.2f m3 on", cut)
-    places = read_places(record, exposure, cut, [*catalogues, *fine]) if PLACES in settings.terms else None
-    all_outputs = outputs(catalogues, steps, cut, places)
+    exposure, places, cut = None, None, np.nan
+    if record is not None and settings.catalogue_terms:
+        exposure = Exposure.of(dated, common_period(record))
+        check_record(record, dated, exposure, settings.terms)
+        cut = common_cut([*catalogues, *fine], complete_above(record, settings.complete_above))
+        logging.info("events count from log10 potency %.2f m3 on", cut)
+        places = read_places(record, exposure, cut, [*catalogues, *fine]) if PLACES in settings.terms else None
+    steps = tuple(step.name for step in dated) if exposure else ()
+    made = [outputs(runs, steps, cut, places).by_term for runs in (catalogues, fine)]
+    instruments = None
+    if readings is not None and settings.uses_instruments:
+        values, errors = (
+            np.array([one[field.name].values for one in [*catalogues, *fine]]) for field in (MODELLED, MODELLED_ERROR)
+        )
+        instruments, scores = instrument_term(readings, values, errors, settings.model_error)
+        made[0][INSTRUMENTS], made[1][INSTRUMENTS] = np.split(scores, [len(catalogues)])
+    all_outputs = Outputs(made[0])
     rows = Rows(trials.points, all_outputs, trials.trials)
     refuse_without_effect(rows, settings)
     correction = CellCorrection.none(all_outputs)
     if fine:
         coarse = all_outputs.of_runs(np.flatnonzero(np.isin(trials.trials, trials.paired)))
-        correction = CellCorrection.of(coarse, outputs(fine, steps, cut, places), len(trials.paired))
-    correction = correction.during(covered(exposure, dated), all_outputs)
-    recorded = read_record(record, exposure, cut, settings.seed, counted_sizes(catalogues, steps, cut))
-    surrogate = Surrogate(rows.points, all_outputs.all, rows.trials, settings.seed)
-    fit = calibrate(rows, correction, recorded, settings.terms, settings.model_error, settings.seed, surrogate, sobol)
+        correction = CellCorrection.of(coarse, Outputs(made[1]), len(trials.paired))
+    recorded = RecordedOutputs.none()
+    if record is not None and exposure is not None:
+        correction = correction.during(covered(exposure, dated), all_outputs)
+        recorded = read_record(record, exposure, cut, settings.seed, counted_sizes(catalogues, steps, cut))
+    surrogate = surrogate or Surrogate(rows.points, all_outputs.all, rows.trials, settings.seed)
+    known = rows, correction, recorded, settings.terms, settings.model_error, settings.seed
+    fit = calibrate(*known, surrogate, sobol, instruments)
     logging.info("posterior of %d points worth %.0f", len(fit.posterior.points), fit.posterior.effective)
     return Calibration(settings, steps, catalogues, cut, rows, places, fit, trials)
 
@@ -165,7 +188,8 @@ def refuse_without_effect(rows: Rows, settings: CalibrationSettings) -> None:
     Replicates are left out, as chance changes them.
     """
     trials = rows.trials
-    found = np.concatenate([rows.outputs.by_term[term] for term in (POTENCY, NUMBER, SIZES)], axis=1)
+    by_term = rows.outputs.by_term
+    found = np.concatenate([values for term, values in by_term.items() if term != PLACES], axis=1)
     is_same = bool(np.ptp(found[trials >= settings.replicates], axis=0).max() == 0.0)
     is_same_rock = all(np.ptp(found[trials == one], axis=0).max() == 0.0 for one in np.unique(trials))
     has_sets = len(np.unique(trials)) < len(trials)
@@ -193,12 +217,20 @@ def record_stage(given: dict, *, record: Path, output: Path) -> None:
         temporary.write_text(json.dumps({"complete_above_log10_potency": complete}), encoding="utf-8")
 
 
-def further_stage(given: dict, *, trials: Sequence[Path], finer: Sequence[Path], record: Path, output: Path) -> None:
+def further_stage(
+    given: dict,
+    *,
+    trials: Sequence[Path],
+    finer: Sequence[Path],
+    record: Path | None,
+    readings: Path | None,
+    output: Path,
+) -> None:
     """Write the points of a further batch, (trial, quantity) in the unit cube, as JSON.
 
     given: the stage's slice; files as of read_calibration.
     """
-    calibration = read_calibration(given, trials, finer, record)
+    calibration = read_calibration(given, trials, finer, record, readings)
     settings = calibration.settings
     points = further_points(calibration.fit, settings.batch_trials, settings.seed + given["batch"])
     with atomic_path(output) as temporary:
@@ -206,13 +238,20 @@ def further_stage(given: dict, *, trials: Sequence[Path], finer: Sequence[Path],
 
 
 def fit_stage(
-    given: dict, *, trials: Sequence[Path], finer: Sequence[Path], record: Path, output: Path, table: Path
+    given: dict,
+    *,
+    trials: Sequence[Path],
+    finer: Sequence[Path],
+    record: Path | None,
+    readings: Path | None,
+    output: Path,
+    table: Path,
 ) -> None:
     """Write the page (`output`), the table of the trials, and mine files next to the page.
 
     given: the stage's slice; files as of read_calibration.
     """
-    calibration = read_calibration(given, trials, finer, record)
+    calibration = read_calibration(given, trials, finer, record, readings)
     settings, fit, steps = calibration.settings, calibration.fit, calibration.steps
     collapsed = calibration.trials.collapsed
     kinds = ["collapsed" if number in collapsed else trial["kind"] for number, trial in enumerate(given["trials"])]
@@ -231,5 +270,7 @@ def fit_stage(
         file = output.parent / f"{name}.yaml"
         write_mine(file, given["text"], settings.quantities, shares, given["posterior"])
     tested = calibration.self_test(listed.of_kind("design"))
-    tests = Tests(tested, beyond_range(fit, settings.seed), compare_b(fit, settings.seed), calibration.cut)
+    law = compare_b(fit, settings.seed) if steps else None
+    found = find(fit, by_terms(fit, settings.seed), settings.seed) if settings.uses_instruments else None
+    tests = Tests(tested, beyond_range(fit, settings.seed), law, calibration.cut, found)
     write_page(output, given["mine"], fit, calibration.rows, listed, tests, settings.quantities, steps, len(draws))

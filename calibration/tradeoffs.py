@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from calibration.fit import INTERVAL_SHARE, Fit
 from calibration.posterior import shortest_intervals
-from calibration.settings import STRENGTH, CalibratedQuantity, friction_key, strength_under
+from calibration.settings import INSTRUMENTS, STRENGTH, CalibratedQuantity, friction_key, strength_under
 from calibration.trials import NUMBER, POTENCY, SIZES
 from common.quantities import parse_quantity
 
@@ -165,8 +165,29 @@ def _weights(fit: Fit) -> tuple[list[int], NDArray]:
     }
     columns: list[int] = []
     variance = []
-    for term in [term for term in variances if term in likelihood.terms] or [POTENCY]:
+    counted = [term for term in variances if term in likelihood.terms]
+    if fit.steps and not counted and likelihood.instruments is None:  # places alone
+        counted = [POTENCY]
+    for term in counted:
         part, error = likelihood.columns[term], likelihood.discrepancy(term)
         columns += range(part.start, part.stop)
         variance.append(variances[term] + error.common**2 + error.own**2 + fit.surrogate.noise[part] ** 2)
+    if likelihood.instruments is not None:
+        part = likelihood.columns[INSTRUMENTS]
+        columns += range(part.start, part.stop)
+        variance.append(1.0 / _information(fit) + fit.surrogate.noise[part] ** 2)
     return columns, 1.0 / np.concatenate(variance)
+
+
+def _information(fit: Fit) -> NDArray:
+    """One over the variance (score,) with which the readings of working instruments would tell each score alone."""
+    term = fit.likelihood.instruments
+    assert term is not None
+    scores, variance = fit.instrument_scores()
+    errors = term.likeliest_errors(scores, variance, fit.posterior.weights)
+    total = np.full(scores.shape[1], 1e-12)
+    for one, error in zip(term.instruments, errors, strict=True):
+        middle = (fit.posterior.weights @ scores)[None]
+        covariance = one.covariance(middle, np.zeros_like(middle), term.model_error, error)[0]
+        total += np.einsum("cs,cs->s", one.basis, np.linalg.solve(covariance, one.basis))
+    return total

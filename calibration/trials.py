@@ -12,11 +12,13 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from calibration.recorded import mean_excess
+from calibration.settings import INSTRUMENTS
 from catalogs.compare.exposure import Exposure
 from catalogs.compare.locations import box_around, information_gain, location_errors
 from catalogs.sources.sizes import log_potency
 
-POTENCY, NUMBER, PLACES, SIZES = TERMS = ("potency", "number", "places", "sizes")
+POTENCY, NUMBER, PLACES, SIZES = ("potency", "number", "places", "sizes")
+TERMS = (POTENCY, NUMBER, PLACES, SIZES, INSTRUMENTS)
 MEAN_POTENCY = "mean potency"  # Potency over number: what potency says beside the number.
 MIN_DEVIATION = 1.0  # m, along each axis: places are never known better.
 BOX_MARGIN = 3.0  # Deviations by which the box of uniform events is larger than what events take up.
@@ -63,7 +65,8 @@ class Outputs:
     """Outputs of runs: for each term an array (run, output of the term), and all of them in one array.
 
     potency: ln m3 by step. number: ln of events from the cut on, by step. places: mean information gain at recorded
-    places, nats, by step. sizes: ln of the mean of log10 potency above the cut, one output.
+    places, nats, by step. sizes: ln of the mean of log10 potency above the cut, one output. instruments: scores of what
+    the model gives at the readings (calibration.instruments). Without steps there is none of a catalogue.
     """
 
     def __init__(self, by_term: dict[str, NDArray]):
@@ -108,10 +111,15 @@ class Discrepancy:
 
 @dataclass(frozen=True)
 class CellCorrection:
-    """Correction of trials for their cells: shift (output,) that finer cells add to the outputs; errors, by term."""
+    """Correction of trials for their cells: shift (output,) that finer cells add to the outputs; errors, by term.
+
+    scatter: standard deviation (output of the term,) of the error of each output of instruments, whose errors are not
+    alike as those of the steps of a catalogue.
+    """
 
     shift: NDArray
     errors: dict[str, Discrepancy] = field(default_factory=dict)
+    scatter: NDArray | None = None
 
     @classmethod
     def none(cls, trials: Outputs) -> "CellCorrection":
@@ -125,29 +133,35 @@ class CellCorrection:
         The scatter of a run's mean over its steps is an error that all steps share, the rest is each step's own. pairs:
         number of trials, each of as many rows: rows of one rock are one pair.
         """
-        shifts, errors = [], {}
+        shifts, errors, scatter = [], {}, None
         differences = {term: finer.by_term[term] - coarse for term, coarse in trials.by_term.items()}
         shifted = list(differences)
         if POTENCY in differences and NUMBER in differences:
             differences[MEAN_POTENCY] = differences[POTENCY] - differences[NUMBER]
         for term, of_rows in differences.items():
+            if not of_rows.shape[1]:  # no record counts
+                continue
             difference = of_rows.reshape(pairs, -1, of_rows.shape[1]).mean(axis=1)
             mean = difference.mean(axis=0)
             off = difference - mean
             widened = np.sqrt(1.0 + 1.0 / pairs)  # the mean itself is known from these pairs only
+            if term == INSTRUMENTS:
+                shifts.append(mean)
+                scatter = off.std(axis=0, ddof=1) * widened if pairs >= MIN_PAIRS else None
+                continue
             common = off.mean(axis=1).std(ddof=1) * widened if pairs >= MIN_PAIRS else 0.0
             own = np.sqrt(np.mean((off - off.mean(axis=1, keepdims=True)) ** 2) * pairs / max(pairs - 1, 1)) * widened
             if term in shifted:
                 shifts.append(mean)
             errors[term] = Discrepancy(float(common), float(own))
-        return cls(np.concatenate(shifts), errors)
+        return cls(np.concatenate(shifts), errors, scatter)
 
     def during(self, share: NDArray, trials: Outputs) -> "CellCorrection":
         """Correction that also scales potency and number by the share (step,) of each step that is recorded."""
         shift = self.shift.copy()
         for term in (POTENCY, NUMBER):
             shift[trials.columns[term]] += np.log(share)
-        return CellCorrection(shift, self.errors)
+        return CellCorrection(shift, self.errors, self.scatter)
 
 
 def common_cut(catalogues: Sequence[xr.Dataset], complete_above: float) -> float:
@@ -205,7 +219,7 @@ def outputs(
     shape = (len(catalogues), len(steps))
     values = {POTENCY: np.zeros(shape), NUMBER: np.zeros(shape)}
     values |= {PLACES: gains(catalogues, steps, cut, places)} if places is not None else {}
-    values[SIZES] = np.zeros((len(catalogues), 1))
+    values[SIZES] = np.zeros((len(catalogues), min(len(steps), 1)))
     for run, events in enumerate(catalogues):
         size, step = events["potency"].values, events["step"].values
         x = log_potency(size)
@@ -213,7 +227,7 @@ def outputs(
         for index, name in enumerate(steps):
             values[POTENCY][run, index] = size[step == name].sum()
             values[NUMBER][run, index] = np.count_nonzero(counted & (step == name))
-        values[SIZES][run, 0] = mean_excess(x[counted & np.isin(step, list(steps))] - cut)
+        values[SIZES][run] = mean_excess(x[counted & np.isin(step, list(steps))] - cut)
     values[POTENCY] = np.log(np.maximum(values[POTENCY], 10.0**cut))
     values[NUMBER] = np.log(np.maximum(values[NUMBER], 0.5))
     return Outputs(values)

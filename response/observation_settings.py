@@ -46,7 +46,7 @@ class Instrument(Settings):
     units: Text = None
     """Unit of the readings: of stress or of length. Needed with `file`."""
     error: Text = None
-    """Standard error of a reading, with its unit. Needed with `file`."""
+    """Standard error of a reading, with its unit. Default: not known; a calibration then estimates it."""
     date: Text = "date"
     """Column with the date of each reading, ISO, UTC."""
     columns: Annotated[tuple[Text, ...], Field(min_length=1), AsTuple] = ("value",)
@@ -70,9 +70,8 @@ class Instrument(Settings):
     @model_validator(mode="after")
     def _whole(self) -> Self:
         if self.file is not None:
-            for key in ("units", "error"):
-                if getattr(self, key) is None:
-                    raise refusal("missing; readings need it", key)
+            if self.units is None:
+                raise refusal("missing; readings need it", "units")
             self.factor()
             self.reading_error()
         if len(set(self.columns)) < len(self.columns):
@@ -84,7 +83,10 @@ class Instrument(Settings):
         return _in_si(f"1 {self.units}", SI_UNIT[self.quantity], "units", self.quantity)
 
     def reading_error(self) -> float:
-        """Standard error of a reading, in SI units. Raises a refusal for a unit of another kind, or no error."""
+        """Standard error of a reading, in SI units; NaN if it is not known. Raises a refusal for a unit of another
+        kind, and for an error of zero."""
+        if self.error is None:
+            return float("nan")
         found = _in_si(self.error, SI_UNIT[self.quantity], "error", self.quantity)
         if not found > 0.0:
             raise refusal(f"{short(self.error)}: a reading has an error above zero", "error")

@@ -7,7 +7,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from common.observation_table import FIELDS
+from common.fields import Field
+from common.observation_table import FIELDS, READING_FIELDS
 from common.voigt import NAMES, tensor_from_voigt
 from response.field import Values, values_at
 from response.observation_settings import (
@@ -38,28 +39,39 @@ def places(instrument: Instrument) -> NDArray:
     return along if instrument.measures == STRESS else np.concatenate([[instrument.start], along])
 
 
-def observe(settings: ObservationSlice, grid: xr.Dataset, states: Iterable[xr.Dataset]) -> xr.Dataset:
-    """The table of observations. states: of the steps, in order."""
+def read_values(settings: ObservationSlice, grid: xr.Dataset, state: xr.Dataset, number: int) -> Values:
+    """Fields at the places of all instruments, in order, in the state after the step of this number (from 0)."""
     steps = [step["name"] for step in settings.steps]
     mined = {entry["name"]: entry["mined"] for entry in settings.excavations}
     names = json.loads(grid.attrs["excavation_names"])
     order = np.array([steps.index(mined[name]) if mined.get(name) in steps else len(steps) for name in names])
+    points = [places(one) for one in settings.observations.instruments]
+    return values_at(Rock(state, Voids.of(grid, order <= number)), np.concatenate([np.empty((0, 3)), *points]))
+
+
+def observe(settings: ObservationSlice, grid: xr.Dataset, states: Iterable[xr.Dataset]) -> xr.Dataset:
+    """The table of observations. states: of the steps, in order."""
+    return tabulate(settings, [read_values(settings, grid, state, number) for number, state in enumerate(states)])
+
+
+def tabulate(settings: ObservationSlice, found: list[Values]) -> xr.Dataset:
+    """The table of observations of the values that `read_values` found in each step."""
     instruments = settings.observations.instruments
-    points = [places(one) for one in instruments]
-    bounds = np.cumsum([0, *(len(own) for own in points)])
-    every = np.concatenate([np.empty((0, 3)), *points])
-    found = [
-        values_at(Rock(state, Voids.of(grid, order <= number)), every) for number, state in enumerate(states)
-    ]  # fmt: skip
+    bounds = np.cumsum([0, *(len(places(one)) for one in instruments)])
     parts: list[tuple[NDArray, ...]] = []
     for number, instrument in enumerate(instruments):
         own = slice(bounds[number], bounds[number + 1])
         parts += _rows(instrument, [_part(values, own) for values in found], list(settings.steps))
-    columns = zip(*parts, strict=True) if parts else [() for _ in FIELDS]
+    return _dataset(parts, FIELDS)
+
+
+def _dataset(parts: list[tuple[NDArray, ...]], fields: Sequence[Field]) -> xr.Dataset:
+    """A table with a variable for each field. parts: columns of some of its rows, one below another."""
+    columns = zip(*parts, strict=True) if parts else [() for _ in fields]
     return xr.Dataset(
         {
             field.name: (field.dims, _joined(column, field.dtype), field.attributes)
-            for field, column in zip(FIELDS, columns, strict=True)
+            for field, column in zip(fields, columns, strict=True)
         }
     )
 
@@ -69,6 +81,40 @@ def _joined(parts: Sequence[NDArray], dtype: np.dtype) -> NDArray:
     return np.concatenate(parts).astype(dtype, copy=False) if parts else np.empty(0, dtype)
 
 
+def tabulate_readings(settings: ObservationSlice) -> xr.Dataset:
+    """The table of the readings of all instruments, each of which has a file: READING_FIELDS, as read.
+
+    Its rows are those of `tabulate` for the same instruments. Of an instrument that was zeroed, readings count from the
+    step on in which it was. Raises InputError for a file that cannot be read.
+    """
+    parts: list[tuple[NDArray, ...]] = []
+    names = [step["name"] for step in settings.steps]
+    for instrument in settings.observations.instruments:
+        scale, unit = scale_of(instrument)
+        measured = scale * at_steps(read_readings(instrument, instrument.name), list(settings.steps), None)
+        if instrument.since is not None:
+            measured[: names.index(instrument.since)] = np.nan
+        distances, count = distances_of(instrument), measured.size
+        parts.append(
+            (
+                np.full(count, instrument.name, object), np.repeat(distances, len(names)),
+                np.tile(np.array(names, object), len(distances)), np.full(count, unit, object), measured.T.ravel(),
+                np.full(count, scale * instrument.reading_error()), np.full(count, int(instrument.since is not None)),
+            )
+        )  # fmt: skip
+    return _dataset(parts, READING_FIELDS)
+
+
+def scale_of(instrument: Instrument) -> tuple[float, str]:
+    """Factor from SI units to those of the tables, and their name."""
+    return (MPA, "MPa") if instrument.quantity == STRESS else (MM, "mm")
+
+
+def distances_of(instrument: Instrument) -> NDArray:
+    """Distances (place,) of the points of a line from its start, m; NaN for the one place of any other instrument."""
+    return instrument.distances if isinstance(instrument, ObservedLine) else np.array([np.nan])
+
+
 def _part(values: Values, own: slice) -> Values:
     """Values at some of the points."""
     return Values(*(column[own] for column in vars(values).values()))
@@ -76,9 +122,9 @@ def _part(values: Values, own: slice) -> Values:
 
 def _rows(instrument: Instrument, found: list[Values], steps: list[dict]) -> Iterable[tuple[NDArray, ...]]:
     """Columns, in the order of FIELDS, of the rows of each quantity of an instrument: each place by each step."""
-    scale, unit = (MPA, "MPa") if instrument.quantity == STRESS else (MM, "mm")
+    scale, unit = scale_of(instrument)
     first = None if instrument.since is None else [step["name"] for step in steps].index(instrument.since)
-    distances = instrument.distances if isinstance(instrument, ObservedLine) else np.array([np.nan])
+    distances = distances_of(instrument)
     measured = np.full((len(steps), len(distances)), np.nan)
     reading_error = np.nan
     if instrument.file is not None:

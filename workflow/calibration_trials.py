@@ -21,6 +21,7 @@ from workflow.mine import Mine
 FILE_KEYS = ("file", "folder")  # keys of a mine file that hold a path
 ROCK_DRAWS = 5  # mine files that are drawn from the posterior
 DOUBLED, OWN = "doubled", "own"  # cells of a trial
+READING_KEYS = ("file", "units", "error", "date", "columns", "since")  # of an instrument, which its places do not need
 MIDDLE = 0.5
 APART = (0.25, 0.75)  # shares of a range between which a quantity has to change something
 EXTRACTIONS = 4  # sets of events of a trial, each with other settings of the section `seismic`, if these are calibrated
@@ -52,11 +53,52 @@ class CalibrationTrials:
                 f"{self.mine_file}: calibration: missing section; say which quantities to calibrate, within which "
                 "ranges (docs/how-to/calibration.md)"
             )
-        if self.mine.settings.record is None or not self.mine.dated_steps:
-            sys.exit(f"{self.mine_file}: record: missing; a calibration needs a record and steps with dates")
+        settings = self.mine.settings.calibration
+        if settings.catalogue_terms and (self.mine.settings.record is None or not self.mine.dated_steps):
+            sys.exit(
+                f"{self.mine_file}: record: missing; a calibration needs a record and steps with dates, or readings of "
+                "instruments alone (calibration.terms)"
+            )
+        if settings.uses_instruments and not self._has_readings():
+            sys.exit(
+                f"{self.mine_file}: calibration.terms: instruments: no instrument in observations has readings; give "
+                "one a file, or leave instruments out"
+            )
         if self.mine.settings.calibration.cells == DOUBLED and self.mine.settings.grid.levels < 2:
             sys.exit(f"{self.mine_file}: calibration.cells: cells of one size cannot be doubled; set it to own")
         return self.mine.settings.calibration
+
+    def _has_readings(self) -> bool:
+        observations = self.mine.settings.observations
+        return observations is not None and any(one.file for one in observations.instruments)
+
+    @property
+    def _asked(self) -> CalibrationSettings | None:
+        """The section, if there is one; for rules of mines without one."""
+        return self.mine.settings.calibration
+
+    @property
+    def record(self) -> list[str]:
+        """The record, if it counts."""
+        counts = self._asked is None or self._asked.catalogue_terms
+        return [f"results/{self.mine.name}/record.nc"] if counts else []
+
+    @property
+    def readings(self) -> list[str]:
+        """The readings of instruments, if they count."""
+        counts = self._asked is not None and self._asked.uses_instruments
+        return [f"{self.folder.as_posix()}/readings.nc"] if counts else []
+
+    @property
+    def checks(self) -> list[str]:
+        """Files without which no trial runs: what is asked of the record, and the readings."""
+        return [*(f"{self.folder.as_posix()}/record.json" for _ in self.record), *self.readings]
+
+    @property
+    def figures(self) -> list[str]:
+        """Figures of the page."""
+        names = ["pairs", *(["predictions", "surrogate"] if self.record else [])]
+        return [f"{self.folder.as_posix()}/{name}.svg" for name in [*names, *(["instruments"] * len(self.readings))]]
 
     def batch_file(self, batch: int | str) -> str:
         """Path of the file with the points of a further batch of trials."""
@@ -176,9 +218,11 @@ class CalibrationTrials:
         known = {
             "calibration": self.settings.given(),
             "run": self.mine_at("in the middle of all ranges", middle, self.settings.cells).run_slices(),
-            "record": self.mine.record_slice(),
+            "record": self.mine.record_slice() if self.record else {},
             "steps": self._dated_steps(),
         }
+        if self.settings.uses_instruments:
+            known["readings"] = self.readings_slice()
         files = [content_of(path) for path in files_of(known)]
         return content_hash(config_hash(known) + " ".join(files))
 
@@ -196,7 +240,23 @@ class CalibrationTrials:
         mine = mines[0]
         is_replicate = name.isdigit() and int(name) <= self.settings.replicates
         run = mine.member(int(name)) if is_replicate else mine
-        return run.run_slices(extracted_as=mines)
+        slices = run.run_slices(extracted_as=mines)
+        return slices | ({"instruments": self._places_slice()} if self.settings.uses_instruments else {})
+
+    def readings_slice(self) -> dict:
+        """Settings that the table of readings depends on: instruments with a file."""
+        given = self.mine.observations_slice()
+        kept = {kind: [one for one in own if "file" in one] for kind, own in given["observations"].items()}
+        return given | {"observations": kept}
+
+    def _places_slice(self) -> dict:
+        """The same instruments without their readings: a trial does not depend on these."""
+        given = self.readings_slice()
+        places = {
+            kind: [{key: value for key, value in one.items() if key not in READING_KEYS} for one in own]
+            for kind, own in given["observations"].items()
+        }
+        return given | {"observations": places}
 
     def fit_slice(self, batch: int | None = None) -> dict:
         """Settings that the fit depends on, besides trials and record; with a batch, those of the batch's points."""

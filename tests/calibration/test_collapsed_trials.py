@@ -78,7 +78,8 @@ def test_a_calibration_with_too_few_trials_that_stand_is_refused(lost, lost_fine
 
 def test_the_page_names_the_trials_that_are_left_out():
     fit = SimpleNamespace(fits=True, posterior=SimpleNamespace(implausibility=1.0))
-    tests = SimpleNamespace(beyond=SimpleNamespace(is_told=False), law=SimpleNamespace(is_told=False))
+    not_told = SimpleNamespace(is_told=False)
+    tests = SimpleNamespace(beyond=not_told, law=not_told, instruments=None)
     names = ["1", "2", "3", "4"]
     listed = Trials(names, ["replicate", "design", "collapsed", "collapsed"], 0, {2: "step one: caving", 3: "-"}, False)
     said = warnings(fit, [], tests, listed)

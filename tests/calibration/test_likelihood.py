@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_t, nbinom, norm, poisson
 
-from calibration.likelihood import DEGREES_OF_FREEDOM, Likelihood, number_term, student_term
+from calibration.likelihood import Likelihood, number_term, student_term
 from calibration.posterior import find_posterior
 from calibration.recorded import RecordedOutputs
+from calibration.student import DEGREES_OF_FREEDOM
 from calibration.trials import MEAN_POTENCY, CellCorrection, Discrepancy
 
 NONE = Discrepancy()

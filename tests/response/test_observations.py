@@ -9,9 +9,9 @@ from small_mines import load, moved_by, states_of
 
 from catalogs.report.sections.observations import instrument_line, misfit_interval
 from common.errors import InputError
-from common.observation_table import FIELDS
+from common.observation_table import FIELDS, READING_FIELDS
 from response.observation_settings import ObservationSlice
-from response.observations import observe
+from response.observations import observe, tabulate_readings
 from response.table_csv import write_csv
 from workflow.configuration import load_mine
 from workflow.rule_resources import BYTES_PER_CELL, BYTES_PER_PARTICLE, observation_bytes
@@ -84,6 +84,35 @@ def test_readings_are_the_last_of_each_step_in_the_models_unit(tmp_path):
     line = instrument_line(table, "c")
     assert line.readings == 1
     assert line.misfit == pytest.approx(abs(20.0 - table["modelled"].values[2]))
+
+
+def test_readings_of_a_calibration_are_raw_and_match_the_models_rows(tmp_path):
+    """As read in MPa or mm, from the step `since` on, without an error that is not stated; row by row as the model's."""
+    pd.DataFrame([("2020-01-10", 0.5), ("2020-02-20", 3.0)], columns=["date", "value"]).to_csv(tmp_path / "c.csv")
+    rows = [("2020-01-10", 1.0, 2.0), ("2020-02-20", 1.5, 4.0)]
+    pd.DataFrame(rows, columns=["date", "a", "b"]).to_csv(tmp_path / "m.csv")
+    line = LINE | {"file": "m.csv", "units": "mm", "error": "0.2 mm", "columns": ["a", "b"], "since": "b"}
+    instruments = {"closures": [MARKS | {"name": "c", "file": "c.csv", "units": "cm"}], "lines": [line]}
+    mine = load(tmp_path, [ROOM], steps=STEPS, observations=instruments)
+    settings = ObservationSlice.of(mine.observations_slice())
+    table = tabulate_readings(settings)
+    assert set(table) == {field.name for field in READING_FIELDS}
+    nan = np.nan
+    np.testing.assert_allclose(table["measured"].values, [nan, nan, 1.5, nan, nan, 4.0, nan, 5.0, 30.0])
+    np.testing.assert_allclose(table["measured_error"].values, [0.2] * 6 + [nan] * 3)
+    assert table["zeroed"].values.tolist() == [1] * 6 + [0] * 3
+    modelled = observed(tmp_path, instruments)
+    for key in ("instrument", "distance", "step", "unit"):
+        np.testing.assert_array_equal(table[key].values, modelled[key].values)
+
+
+def test_a_share_within_errors_needs_a_stated_error(tmp_path):
+    """Without one the report has a misfit and no share."""
+    pd.DataFrame([("2020-01-10", 0.5)], columns=["date", "value"]).to_csv(tmp_path / "c.csv")
+    line = instrument_line(
+        observed(tmp_path, {"closures": [MARKS | {"name": "c", "file": "c.csv", "units": "cm"}]}), "c"
+    )
+    assert (line.readings, np.isfinite(line.misfit), np.isnan(line.within)) == (1, True, True)
 
 
 def test_the_interval_of_a_misfit_covers():

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from tiny_mines import ROOT, TINY, changed, edited, merged, snakemake, write_mine
 
+from common.errors import InputErrors
 from common.job import content_of
 from workflow.calibration_trials import CalibrationTrials
 from workflow.configuration import load
@@ -19,6 +20,19 @@ FEW = {"trials": 4, "batches": 1, "batch_trials": 1}
 DESIGN = {"trials": 6, "replicates": 1, "pairs": 2, "complete_above": "0.001 m^3"}
 CALIBRATED = changed(TINY, calibration={"quantities": QUANTITIES, **DESIGN})
 BATCHED = changed(CALIBRATED, **{f"calibration.{key}": number for key, number in FEW.items()})
+
+
+MARKS = {"start": ["25 m", "35 m", "40 m"], "end": ["25 m", "35 m", "50 m"]}
+READ = {"file": "gap.csv", "units": "mm", "error": "2 mm"}
+CELL = {"name": "cell", "at": ["50 m", "47 m", "57 m"], "axis": {"trend": "90 deg"}}
+READINGS = "date,value\n2019-08-20,470\n2019-08-30,510\n"
+WITH_INSTRUMENTS = changed(
+    {key: value for key, value in CALIBRATED.items() if key != "record"},
+    **{
+        "calibration.terms": ["instruments"],
+        "observations": {"closures": [MARKS | READ | {"name": "gap"}], "points": [CELL]},
+    },
+)
 
 
 def trials_of(mine: dict, tmp_path) -> CalibrationTrials:
@@ -43,6 +57,63 @@ def test_trials_change_what_is_named_and_nothing_else(tmp_path):
     assert "realization" not in replicate["elastic"]
     assert [step["scene"]["realization"] for step in replicate["steps"]] == [1, 1]
     assert trials.slice_of("2", "doubled")["grid"]["grid"]["levels"] == first["grid"]["grid"]["levels"] - 1
+
+
+def instrument_trials(tmp_path, **values) -> CalibrationTrials:
+    """Trials of the mine with instruments and without a record."""
+    (tmp_path / "gap.csv").write_text(READINGS)
+    return trials_of(changed(WITH_INSTRUMENTS, **values), tmp_path)
+
+
+def test_trials_read_the_model_where_instruments_with_readings_are(tmp_path):
+    """Places alone, so that other readings, errors and zeros leave trials as they are; the fit depends on all."""
+    trials = instrument_trials(tmp_path)
+    assert (trials.record, trials.readings) == ([], ["results/tiny/calibration/readings.nc"])
+    assert trials.checks == trials.readings
+    assert [path.rpartition("/")[2] for path in trials.figures] == ["pairs.svg", "instruments.svg"]
+    slices = trials.slice_of("2", "own")["instruments"]
+    assert [one["name"] for one in slices["observations"]["closures"]] == ["gap"]
+    assert slices["observations"]["points"] == []  # it has no readings
+    other = instrument_trials(tmp_path, **{"observations.closures.0.error": "5 mm"})
+    assert other.slice_of("2", "own") == trials.slice_of("2", "own")
+    assert other.readings_slice() != trials.readings_slice()
+    assert other.posterior_hash != trials.posterior_hash
+    moved = instrument_trials(tmp_path, **{"observations.closures.0.end": ["25 m", "35 m", "48 m"]})
+    assert moved.slice_of("2", "own") != trials.slice_of("2", "own")
+    assert "instruments" not in trials_of(CALIBRATED, tmp_path).slice_of("2", "own")
+
+
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        (
+            {"observations": {"points": [CELL]}},
+            "calibration.terms: instruments: no instrument in observations has readings",
+        ),
+        ({"observations": {}}, "calibration.terms: instruments: no instrument in observations has readings"),
+        ({"calibration.terms": ["instruments", "number"]}, "record: missing; a calibration needs a record"),
+    ],
+)
+def test_terms_without_their_data_are_refused_in_one_line(values, problem, tmp_path):
+    with pytest.raises(SystemExit, match=problem) as refused:
+        _ = instrument_trials(tmp_path, **values).all_names
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        ({"calibration.terms": ["instrument"]}, "calibration.terms"),
+        (
+            {"steps.1": {"name": "2019-08", "start": "2021-08-01", "end": "2021-09-01"}},
+            "no reading is within the dates",
+        ),
+    ],
+)
+def test_unknown_terms_and_readings_outside_of_all_steps_are_refused_with_the_mine(values, problem, tmp_path):
+    with pytest.raises(InputErrors, match=problem) as refused:
+        instrument_trials(tmp_path, **values)
+    assert len(refused.value.lines) == 1
 
 
 @pytest.mark.parametrize(
@@ -157,6 +228,31 @@ def test_a_dry_run_shows_the_jobs_before_the_points_of_a_batch_are_known(target,
     assert status == 0, text
     found = {name: int(count) for name, _, count in (line.partition(" ") for line in text.splitlines()) if name in jobs}
     assert found == jobs
+
+
+@pytest.mark.slow
+def test_calibration_to_instruments_alone(tmp_path):
+    """A mine without a record: the page has instruments and none of the record's parts. Other readings run no trial."""
+    (tmp_path / "gap.csv").write_text(READINGS)
+    mine = changed(
+        WITH_INSTRUMENTS, **{"calibration.trials": 5, "calibration.replicates": 0, "calibration.cells": "own"}
+    )
+    file = write_mine(mine, tmp_path / "tiny.yaml")
+    status, text = snakemake(file, tmp_path, "calibrate")
+    assert status == 0, text
+    folder = tmp_path / "results/tiny/calibration"
+    page = (folder / "report.html").read_text()
+    assert "calibration to readings" in page
+    assert "Instruments</h2>" in page
+    assert "Steps: recorded and predicted" not in page
+    assert page.count("<img") == 2
+    with open(folder / "trials.csv") as table:
+        assert len(list(csv.DictReader(table))) == 5
+    (tmp_path / "gap.csv").write_text(READINGS.replace("510", "460"))
+    text = snakemake(file, tmp_path, "--dry-run", "calibrate")[1]
+    jobs = {line.split()[0] for line in text.splitlines() if len(line.split()) == 2 and line.split()[1].isdigit()}
+    assert {"calibration_readings", "calibrate"} <= jobs, text
+    assert "trial" not in jobs, text
 
 
 @pytest.mark.slow

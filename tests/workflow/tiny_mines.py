@@ -33,6 +33,7 @@ STAGES = {
     *("scene", "grid", "elastic", "step", "companion", "events", "catalogue", "record", "comparison", "report"),
     *("report_page", "plan_outcome", "plans", "flaws", "excess_shear", "baselines", "trial", "further", "calibrate"),
     "calibration_record",
+    "calibration_readings",
     "shaking",
     "plan_shaking",
     "loading",

@@ -1,4 +1,4 @@
-"""The calibration of a mine to its record, on request: `snakemake calibrate`."""
+"""The calibration of a mine to its record and its instruments, on request: `snakemake calibrate`."""
 
 from workflow.calibration_trials import CalibrationTrials
 
@@ -29,6 +29,25 @@ rule calibration_record:
         RUN
 
 
+rule calibration_readings:
+    """Readings of the instruments, by step."""
+    input:
+        **INPUTS.of("calibration_readings", settings=lambda wildcards: TRIALS.readings_slice()),
+    output:
+        f"{TRIAL_RESULTS}/readings.nc",
+    log:
+        f"{OWN_LOGS}/{CALIBRATION}/readings.log",
+    localrule: True
+    conda:
+        ENVIRONMENT
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=60,
+    shell:
+        RUN
+
+
 rule trial:
     """One trial: a run of the mine with other values of the calibrated quantities, as one job."""
     input:
@@ -36,7 +55,7 @@ rule trial:
             "trial", "{cells}/{trial}", settings=lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells)
         ),
         cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
-        record=ancient(f"{TRIAL_RESULTS}/record.json"),  # no trial runs for a record that is refused
+        checks=ancient(TRIALS.checks),  # no trial runs for a record or for readings that are refused
     output:
         f"{TRIAL_RESULTS}/{{cells}}/{{trial}}.nc",
     log:
@@ -63,7 +82,8 @@ checkpoint further:
             settings=lambda wildcards: TRIALS.fit_slice(int(wildcards.batch)),
             trials=lambda wildcards: TRIALS.trial_files(int(wildcards.batch), checkpoints),
             finer=lambda wildcards: TRIALS.finer_files(),
-            record=FILES.own("record.nc"),
+            record=TRIALS.record,
+            readings=TRIALS.readings,
         ),
     output:
         TRIALS.batch_file("{batch}"),
@@ -90,13 +110,14 @@ rule calibrate:
             settings=lambda wildcards: TRIALS.fit_slice(),
             trials=lambda wildcards: TRIALS.all_trial_files(checkpoints),
             finer=lambda wildcards: TRIALS.finer_files(),
-            record=FILES.own("record.nc"),
+            record=TRIALS.record,
+            readings=TRIALS.readings,
         ),
     output:
         page=f"{TRIAL_RESULTS}/report.html",
         table=f"{TRIAL_RESULTS}/trials.csv",
         mines=[f"{TRIAL_RESULTS}/{name}.yaml" for name in TRIALS.mine_files],
-        figures=[f"{TRIAL_RESULTS}/{name}.svg" for name in ("pairs", "predictions", "surrogate")],
+        figures=TRIALS.figures,
     log:
         f"{OWN_LOGS}/{CALIBRATION}/fit.log",
     localrule: True

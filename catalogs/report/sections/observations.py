@@ -27,7 +27,7 @@ LEVEL = 0.95
 class InstrumentLine:
     """An instrument: its quantities, largest cell (m) and whether rock has failed there after the last step, the number
     of readings that are compared, their root-mean-square misfit with its 95 % interval, in its unit, and the share of
-    readings within the 95 % of both errors together; NaN without readings."""
+    readings within the 95 % of both errors together; NaN without readings, and without a stated error."""
 
     name: str
     quantity: str
@@ -68,7 +68,8 @@ def instrument_line(table: xr.Dataset, name: str) -> InstrumentLine:
     both = np.hypot(table["modelled_error"].values[own] / STATED_AS_95, table["measured_error"].values[own])
     count = int(known.sum())
     misfit = float(np.sqrt(np.mean(off[known] ** 2))) if count else np.nan
-    within = float(np.mean(np.abs(off[known]) <= STATED_AS_95 * both[known])) if count else np.nan
+    is_stated = count and np.isfinite(both[known]).all()
+    within = float(np.mean(np.abs(off[known]) <= STATED_AS_95 * both[known])) if is_stated else np.nan
     return InstrumentLine(
         name, quantities[0] if len(quantities) == 1 else f"{len(quantities)} components",
         str(table["unit"].values[own[0]]), float(np.nanmax(cells)) if np.isfinite(cells).any() else np.nan,
