@@ -126,10 +126,10 @@ def unload(
         stress, was_rock = virgin.at(walls.place[:, 2]), np.ones(len(walls), bool)
     else:
         moved = moved - np.nan_to_num(wall_displacement(before, walls))
-        what, _ = before.what(walls.place - 0.5 * STEP * after.edge * walls.normal)
+        what, particle = before.what(walls.place - 0.5 * STEP * after.edge * walls.normal)
         was_rock = (what == INTACT) | (what == FAILED)
         stress = np.zeros((len(walls), 6))
-        stress[was_rock] = fitted_stress(before, walls.place[was_rock])[0]
+        stress[was_rock] = fitted_stress(before, walls.place[was_rock], particle[was_rock])[0]
     if filled.any():
         stress[filled] -= fill_stress(after, walls.place[filled])
     stress[:, :3] += pressure[:, None]

@@ -157,7 +157,7 @@ def _tell_shift(scan: PlacedScan, walls: Walls, scanned: NDArray) -> None:
     if np.linalg.norm(shift) > 2.0 * scan.error and after < MAX_SHIFTED * before:
         logging.warning(
             "%s lies (%.2f, %.2f, %.2f) m from the design, root mean square %.2f m, without this shift %.2f m: check "
-            "its coordinates", scan.name, *(np.round(shift, 2) + 0.0), before, after,
+            "its coordinates", scan.name, *(shift.round(2) + 0.0).tolist(), before, after,
         )  # fmt: skip
 
 
