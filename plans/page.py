@@ -19,9 +19,11 @@ from catalogs.report.text import fixed, typeset
 from catalogs.sources.openings import NEVER, Mining
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
+from common.opening_table import read_opening_runs
 from common.pages import page_templates
 from plans.comparisons import Comparisons
 from plans.layout import ANY, PlanSummary, read_outcome
+from plans.opening_depths import depth_section
 from plans.overview import overview
 from plans.sentences import collapsed, interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
@@ -46,16 +48,24 @@ MAX_COLUMNS = 3
 
 
 def report_stage(
-    given: Mapping, *, grid: Path, outcomes: Sequence[Path], output: Path, table: Path, shaking: Sequence[Path] = ()
+    given: Mapping,
+    *,
+    grid: Path,
+    outcomes: Sequence[Path],
+    output: Path,
+    table: Path,
+    shaking: Sequence[Path] = (),
+    openings: Sequence[Path] = (),
 ) -> None:
     """Write the page of all plans (`output`) and the table.
 
     given: the stage's slice (PlansReportSlice); outcomes: outcome.nc of each plan, that which others are compared with
-    first; shaking: shaking.nc of each plan, in the same order, or none.
+    first; shaking, openings: shaking.nc and opening_runs.nc of each plan, in the same order, or none.
     """
     plans = [read_outcome(path) for path in outcomes]
     felt = [read_dataset(path, SHAKING_VARIABLES) for path in shaking]
-    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, felt)
+    around = [read_opening_runs(path) for path in openings]
+    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, felt, around)
 
 
 def write_report(
@@ -65,11 +75,13 @@ def write_report(
     page: Path,
     table: Path,
     shaking: Sequence[xr.Dataset] = (),
+    openings: Sequence[xr.Dataset] = (),
 ) -> None:
     """Write the page, which needs nothing else, its figures in the same folder, and the table, atomically.
 
     outcomes: of all plans (plans.layout), that which others are compared with first; shaking: of each of them
-    (shaking.layout), or none. Raises InputError for one of another mine, or of other classes.
+    (shaking.layout), or none; openings: opening_runs.nc of each of them (common.opening_table), or none. Raises
+    InputError for one of another mine, or of other classes.
     """
     every = [PlanSummary(one) for one in outcomes]
     for plan in every:
@@ -80,6 +92,7 @@ def write_report(
             raise InputError(f"plans: {plan.name} was made with other classes of size or distance; run it again")
     plans = [plan for plan in every if not plan.collapsed]
     felt = [one for one, plan in zip(shaking, every, strict=bool(shaking)) if not plan.collapsed]
+    around = [one for one, plan in zip(openings, every, strict=bool(openings)) if not plan.collapsed]
     if not plans:
         raise InputError(
             f"plans: rock finds no equilibrium in any plan ({every[0].name}: in step {every[0].collapsed}), so there "
@@ -115,6 +128,7 @@ def write_report(
             likelihoods=sorted((hazard.likelihoods or {}).items(), key=lambda one: one[1]),
             forecasts=forecast_rows(plans),
             shaking=shaking_rows(plans, felt),
+            depths=depth_section(plans, around),
             measured=measured_text(plans),
             laws=law_texts(plans),
             ratios=sorted(ratios),

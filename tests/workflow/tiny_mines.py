@@ -35,6 +35,7 @@ STAGES = {
     "calibration_record",
     "shaking",
     "plan_shaking",
+    "plan_openings",
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")
