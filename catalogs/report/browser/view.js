@@ -345,12 +345,14 @@
         const left = i * across();
         const area = { left: left + 2, right: left + across() - 2, top: 30, bottom: height - 2 };
         const taken = i ? [] : [{ left: 0, right: 150, top: height - 132, bottom: height }];
-        const wanted = shown.map((index) => {
-          const { x, y } = projected(side, ...named.places.subarray(3 * named.first[index], 3 * named.first[index] + 3));
-          const name = named.label[index];
-          return { name, index, x, y, width: labels.measure(name), chosen: index === opening };
-        });
-        const own = ViewNames.place(wanted, area, taken);
+        const wanted = function* () { // One by one, since most of many are not needed.
+          for (const index of shown) {
+            const first = 3 * named.first[index], name = named.label[index];
+            const { x, y } = projected(side, ...named.places.subarray(first, first + 3));
+            yield { name, index, x, y, width: labels.measure(name), chosen: index === opening };
+          }
+        };
+        const own = ViewNames.place(wanted(), area, taken);
         if (own.length > most.length) most = own;
         placed.push(...own);
       });

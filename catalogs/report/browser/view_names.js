@@ -18,8 +18,8 @@ const ViewNames = (function () {
   const shortened = (name) => name.length > MAX_LETTERS ? name.slice(0, MAX_LETTERS - 1) + "…" : name;
   const overlap = (a, b) => a.left < b.right && a.right > b.left && a.top < b.bottom && a.bottom > b.top;
 
-  // Places for names: {name, x, y, width} each, pixels, the most important first. area: box that holds them all; taken:
-  // boxes that none covers. Returns what has room, at most `most`, each with its box and its middle.
+  // Places for names: an iterable of {name, x, y, width}, pixels, the most important first. area: box that holds them
+  // all; taken: boxes that none covers. Returns what has room, at most `most`, each with its box and its middle.
   function place(wanted, area, taken, most = MAX_NAMES) {
     const placed = [], boxes = taken.slice(), anchors = [];
     for (const one of wanted) {
