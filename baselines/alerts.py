@@ -6,6 +6,9 @@ the event's own place is. The hit rate of an alert share s is the share of event
 under hit rates over s is the area skill score (Zechar and Jordan 2008). It is 1 less the mean alert share of the
 events: 1/2 of a map that knows nothing, close to 1 of a perfect one.
 
+Where people are, rock is counted by metres of the drives that stand open in the step: the share on alert is that of the
+metres in cells on alert. Cells without drives cost no metres.
+
 Places that are equally probable go on alert together. Of such a tie, any part may be on alert, so an event in it is hit
 in proportion, and its alert share is that of the middle. So a map that is equal everywhere has exactly 1/2, wherever
 the events lie.
@@ -20,6 +23,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from baselines.drives import DriveMetres
 from baselines.map_scores import MapScores, Variance, cluster_variance, run_variance
 from baselines.month_maps import MonthMaps
 from catalogs.compare.locations import UNIFORM_SHARE
@@ -79,20 +83,24 @@ class AlertCells:
         return uniform_share + (1.0 - uniform_share) * count / len(points) * smoothed.ravel()
 
 
-def alert_shares(density: NDArray, cell: NDArray) -> tuple[NDArray, NDArray]:
+def alert_shares(density: NDArray, cell: NDArray, worth: NDArray | None = None) -> tuple[NDArray, NDArray]:
     """Shares of the rock that is more probable than an event's cell, and at least as probable, (event,) each.
 
-    density (cell,) over the uniform one, of equal cells; cell (event,): the cell of each event.
+    density (cell,) over the uniform one; cell (event,): the cell of each event; worth (cell,): what each cell counts, 1
+    if not given. NaN where no cell counts anything.
 
     >>> alert_shares(np.array([1.0, 3.0, 1.0, 2.0]), np.array([1, 2]))
     (array([0. , 0.5]), array([0.25, 1.  ]))
+    >>> alert_shares(np.array([1.0, 3.0, 1.0, 2.0]), np.array([1, 2]), np.array([0.0, 6.0, 2.0, 0.0]))
+    (array([0.  , 0.75]), array([0.75, 1.  ]))
     """
     ranked = np.round(density / TIE)
-    ordered = np.sort(ranked)
-    own = ranked[cell]
-    more = len(ordered) - np.searchsorted(ordered, own, side="right")
-    as_many = len(ordered) - np.searchsorted(ordered, own, side="left")
-    return more / len(ordered), as_many / len(ordered)
+    order = np.argsort(-ranked, kind="stable")
+    above = np.append(0.0, np.cumsum(np.ones(len(order)) if worth is None else worth[order]))
+    own, ordered = -ranked[cell], -ranked[order]
+    more, as_many = (above[np.searchsorted(ordered, own, side=side)] for side in ("left", "right"))
+    with np.errstate(invalid="ignore"):
+        return more / above[-1], as_many / above[-1]
 
 
 @dataclass(frozen=True)
@@ -120,7 +128,10 @@ class AlertScores:
         """Share of each event (run, event) that is hit with a share of the rock on alert: 0 or 1, between in a tie."""
         row = self.labels.index(label)
         more, as_many = self.more[row], self.as_many[row]
-        return np.clip((share - more) / (as_many - more), 0.0, 1.0)
+        tie = as_many > more
+        part = np.clip((share - more) / np.where(tie, as_many - more, 1.0), 0.0, 1.0)
+        # a place that costs nothing is on alert with what is more probable
+        return np.where(tie, part, np.where(np.isnan(more), np.nan, share >= more))
 
     def hit_rate(self, label: str, share: float, step: int | None = None) -> tuple[float, NDArray]:
         """Hit rate of an alert share and its 95 % interval (2,), of one step or of those that all maps forecast."""
@@ -186,20 +197,43 @@ def share_interval(hits: NDArray, cluster: NDArray) -> NDArray:
 
 
 def find_alerts(maps: MonthMaps) -> AlertScores:
-    """Alert shares of the recorded events under each map that is a forecast.
+    """Alert shares, of the rock, of the recorded events under each map that is a forecast.
 
     One map serves all events of a step, so it is smoothed by the median of their deviations.
     """
+    return _find(maps, None)
+
+
+def find_drive_alerts(maps: MonthMaps, drives: DriveMetres | None) -> AlertScores | None:
+    """The same of the metres of drives that stand open; None without a drive in the box in any step with events.
+
+    Events of steps without an open drive have none, NaN.
+    """
+    if drives is None:
+        return None
+    found = _find(maps, drives)
+    return found if any(np.isfinite(more).any() for more in found.more) else None
+
+
+def _find(maps: MonthMaps, drives: DriveMetres | None) -> AlertScores:
     labels = {label: runs for label, runs in maps.runs.items() if label != "ceiling"}
     more, as_many = ({label: np.full((runs, len(maps.step)), np.nan) for label, runs in labels.items()} for _ in "12")
     for step in np.unique(maps.step):
         own = maps.step == step
         cells, densities = step_densities(maps, int(step))
         cell = cells.of_places(maps.recorded.place[own])
+        worth = None if drives is None else _metres(cells, drives, int(step))
         for label, runs in densities.items():
             for run, density in enumerate(runs):
-                more[label][run, own], as_many[label][run, own] = alert_shares(density, cell)
+                more[label][run, own], as_many[label][run, own] = alert_shares(density, cell, worth)
     return AlertScores(tuple(labels), tuple(more.values()), tuple(as_many.values()), maps.step, maps.cluster)
+
+
+def _metres(cells: AlertCells, drives: DriveMetres, step: int) -> NDArray:
+    """Metres of open drives in each cell of the box (cell,) in a step."""
+    inside = ((drives.place >= cells.box[0]) & (drives.place <= cells.box[1])).all(axis=1)
+    cell = np.where(inside, cells.of_places(drives.place), -1)
+    return drives.in_cells(cell, int(np.prod(cells.shape)), step)
 
 
 def step_densities(maps: MonthMaps, step: int) -> tuple[AlertCells, Mapping[str, NDArray]]:

@@ -13,7 +13,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from baselines.alerts import AlertScores, find_alerts
+from baselines.alerts import AlertScores, find_alerts, find_drive_alerts
+from baselines.drives import DriveMetres
 from baselines.map_scores import MIN_CLUSTERS, MapScores, coarser_clusters
 from baselines.measures import METRES
 from baselines.models import ModelComparison
@@ -125,14 +126,15 @@ class Months:
     """Maps, alarms and rates of the dated steps, and the mean gains of the maps under other assumptions (nuisances).
 
     numbers, potencies: of the steps, forecast by laws of modelled measures and by simpler rules; laws: of the number by
-    all steps, by label of the measure; amounts: measures (step,) of the recorded part of each step, by label;
-    recorded_potency (step,): m3.
+    all steps, by label of the measure; drive_alerts: alarms by metres of drives, None without drives; amounts: measures
+    (step,) of the recorded part of each step, by label; recorded_potency (step,): m3.
     """
 
     steps: tuple[str, ...]
     maps: MonthMaps
     scores: MapScores
     alerts: AlertScores
+    drive_alerts: AlertScores | None
     rates: list[StepRates]
     nuisances: list[tuple[str, NDArray]]
     numbers: NumberScores
@@ -158,11 +160,12 @@ def compare_with_months(
     cell: float,
     settings: BaselineReportSlice,
     measures: Mapping[str, NDArray] | None = None,
+    drives: DriveMetres | None = None,
 ) -> Months:
     """Compare the dated steps with maps and rates of the months before them.
 
     earlier: the record from an earlier date on, or the record itself; cell: edge of the finest cells, m; measures:
-    modelled ones of the whole steps (step,), by label.
+    modelled ones of the whole steps (step,), by label; drives: None for a mine without any.
     """
     own = models.models[0].comparison
     exposure = Exposure.of(settings.comparison.steps, common_period(models.record))
@@ -196,6 +199,7 @@ def compare_with_months(
         maps,
         maps.scores(),
         find_alerts(maps),
+        find_drive_alerts(maps, drives),
         rates,
         nuisances(maps),
         score_numbers(recorded, amounts, rules),

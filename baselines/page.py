@@ -11,10 +11,18 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from baselines.alert_report import alert_rows, alert_sentences, draw_molchan, no_skill_text, write_alerts
+from baselines.alert_report import (
+    alert_rows,
+    alert_sentences,
+    draw_molchan,
+    drive_rows,
+    no_skill_text,
+    write_alerts,
+)
 from baselines.alerts import ALERT_SHARES
 from baselines.catalogues import split_runs
 from baselines.csep import rigidity, write_csep
+from baselines.drives import DriveMetres
 from baselines.map_scores import SIGNIFICANCE, MapScores, adjusted, verdict_of
 from baselines.measures import read_measures
 from baselines.models import NUMBER, POTENCY, SIZES, Counted, Model, ModelComparison, compare_with_record
@@ -281,7 +289,9 @@ def write_page(
                 "sentences": alert_sentences(months),
                 "shares": [f"{100 * share:g} %" for share in ALERT_SHARES],
                 "rows": alert_rows(months),
-                "no_skill": no_skill_text(months),
+                "no_skill": no_skill_text(months.alerts),
+                "drive_rows": drive_rows(months),
+                "drive_no_skill": no_skill_text(months.drive_alerts) if months.drive_alerts else "",
                 "picture": molchan,
                 "has_files": has_csep,
             },
@@ -394,7 +404,8 @@ def report_stage(
         settings.comparison,
     )
     measures = read_measures(states, len(steps)) if states else {}
-    monthly = compare_with_months(compared, read_events(earlier), fine_cell, settings, measures)
+    drives = DriveMetres.of(grid_data, settings.drives, steps)
+    monthly = compare_with_months(compared, read_events(earlier), fine_cell, settings, measures, drives)
     write_table(table, compared)
     write_months(months, monthly)
     write_rates(rates, monthly, number_columns(monthly))

@@ -78,6 +78,18 @@ class FlawSlice(StressSlice):
     exponent: Exponent
 
 
+class Drive(Settings):
+    """An excavation that is mined, which may be a drive."""
+
+    name: str
+    step: str = ""
+    """the dated step that mines it; empty: mined before the first of them"""
+    filled: str | None = None
+    """the dated step that fills it; empty: filled before the first of them; None: not filled"""
+    path: Annotated[tuple[Annotated[tuple[float, ...], AsTuple], ...], AsTuple] = None
+    """points along it, m, if its shape has an axis"""
+
+
 class BaselineReportSlice(Settings):
     """The slice of the page."""
 
@@ -86,6 +98,8 @@ class BaselineReportSlice(Settings):
     """as the mine's own comparison has it"""
     planned: Annotated[tuple[str, ...], AsTuple] = ()
     """names of the excavations that no step mines"""
+    drives: Annotated[tuple[Drive, ...], AsTuple] = ()
+    """excavations that are mined; those that are drives follow from their axes or cells"""
     flaws: FlawSlice
     box: Annotated[tuple[PlanCorner, ...], Field(min_length=2, max_length=2), AsTuple]
     """lower and upper corner in plan, m, of the box of the uniform rate that maps are compared with"""

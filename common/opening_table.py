@@ -2,6 +2,9 @@
 
 A row is a side of an excavation after a step: its roof, walls, floor or face, or `all` of them together. Rows with a
 chainage are stretches of a drive.
+
+opening_runs.nc has the openings of a mining plan in each of its runs after the last step. Its attributes: plan, step
+(the last one), fine_cell (m).
 """
 
 import os
@@ -48,6 +51,27 @@ FIELDS = (
         "events_recorded", ROWS, np.float64, "1", "recorded events of the step's dates to which this wall is nearest"
     ),
 )
+RUN_OPENING = ("run", "opening")
+RUN_FIELDS = (
+    Field("run", ("run",), TEXT, "", "own: the plan's run; member: of its ensemble"),
+    Field("opening", ("opening",), TEXT, "", "name of an excavation that the plan mines"),
+    Field("filled", ("opening",), np.int8, "1", "1 where the excavation has been filled"),
+    Field("depth_largest", RUN_OPENING, np.float64, "m", "largest depth of failure, along the wall's normal"),
+    Field("depth_p90", RUN_OPENING, np.float64, "m", "largest depth that nine tenths of a side do not exceed"),
+    Field("side", RUN_OPENING, TEXT, "", "the side that has it; empty where rock fails at no side"),
+    Field("closure", RUN_OPENING, np.float64, "m", "median closure of opposite walls since they were mined"),
+    Field("failed_volume", RUN_OPENING, np.float64, "m3", "volume of failed rock that is nearest to it"),
+)
+
+
+def read_opening_runs(path: str | os.PathLike) -> xr.Dataset:
+    """Openings after the last step in each run of a plan. Raises InputError for a file of another version."""
+    found = read_dataset(path)
+    for field in RUN_FIELDS:
+        if field.dtype == TEXT and field.name in found.variables:
+            found[field.name] = found[field.name].astype(TEXT)
+        field.check(found, os.fspath(path))
+    return found
 
 
 def read_openings(path: str | os.PathLike) -> xr.Dataset:

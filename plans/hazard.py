@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm, t
 
+from catalogs.run_numbers import run_dispersion, widened
 from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.truncated_law import TruncatedLaw
 from plans.differences import MIN_RUNS
@@ -33,25 +33,6 @@ DRAWS = 2000
 SEED = 1  # One for all plans: they share the draws of what they have in common.
 MAX_EXPECTED = 1e9  # Larger numbers, which few draws of rock may have a long tail of, are as good as this one.
 DAYS_OF_YEAR = 365.25
-
-
-def run_dispersion(number: NDArray) -> float:
-    """Variance of the number of events between runs (run,) or (run, step) over its mean, at least 1.
-
-    Of several steps it is that of a step. 1 for fewer runs than a variance needs, or without an event.
-    """
-    if len(number) < MIN_RUNS or not number.any():
-        return 1.0
-    return max(1.0, float(number.var(axis=0, ddof=1).sum() / number.mean(axis=0).sum()))
-
-
-def widened(dispersion: float, freedom: int) -> float:
-    """A dispersion of runs that is known to so many degrees of freedom, for a normal interval.
-
-    It is raised so that the interval holds as often as one of Student's t; 1 stays 1 of runs that no variance is known
-    of (freedom 0).
-    """
-    return dispersion * float(t.ppf(INTERVAL_95[1], freedom) / norm.ppf(INTERVAL_95[1])) ** 2 if freedom else dispersion
 
 
 def draw_expected(number: NDArray, runs: int, ratio: float, draws: int, generator: np.random.Generator) -> NDArray:

@@ -19,10 +19,12 @@ from catalogs.report.text import fixed, typeset
 from catalogs.sources.openings import NEVER, Mining
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
+from common.opening_table import read_opening_runs
 from common.pages import page_templates
 from plans.comparisons import Comparisons
 from plans.layout import ANY, PlanSummary, read_outcome
 from plans.loading_rows import LOADING_VARIABLES, loading_rows
+from plans.opening_depths import depth_section
 from plans.overview import overview
 from plans.sentences import collapsed, interval_contents, law_texts, missing, step_range, verdict
 from plans.settings import PlansReportSlice
@@ -55,16 +57,20 @@ def report_stage(
     table: Path,
     shaking: Sequence[Path] = (),
     loading: Sequence[Path] = (),
+    openings: Sequence[Path] = (),
 ) -> None:
     """Write the page of all plans (`output`) and the table.
 
     given: the stage's slice (PlansReportSlice); outcomes: outcome.nc of each plan, that which others are compared with
-    first; shaking, loading: shaking.nc and loading.nc of each plan, in the same order, or none.
+    first; shaking, loading, openings: shaking.nc, loading.nc and opening_runs.nc of each plan, in the same order, or
+    none.
     """
     plans = [read_outcome(path) for path in outcomes]
     felt = [read_dataset(path, SHAKING_VARIABLES) for path in shaking]
     loaded = [read_dataset(path, LOADING_VARIABLES) for path in loading]
-    write_report(plans, read_dataset(grid), PlansReportSlice.of(given, "plans"), output, table, felt, loaded)
+    around = [read_opening_runs(path) for path in openings]
+    settings = PlansReportSlice.of(given, "plans")
+    write_report(plans, read_dataset(grid), settings, output, table, felt, loaded, around)
 
 
 def write_report(
@@ -75,11 +81,13 @@ def write_report(
     table: Path,
     shaking: Sequence[xr.Dataset] = (),
     loading: Sequence[xr.Dataset] = (),
+    openings: Sequence[xr.Dataset] = (),
 ) -> None:
     """Write the page, which needs nothing else, its figures in the same folder, and the table, atomically.
 
     outcomes: of all plans (plans.layout), that which others are compared with first; shaking, loading: of each of them
-    (shaking.layout, common.loading_table), or none. Raises InputError for one of another mine, or of other classes.
+    (shaking.layout, common.loading_table), or none; openings: opening_runs.nc of each of them (common.opening_table), or
+    none. Raises InputError for one of another mine, or of other classes.
     """
     every = [PlanSummary(one) for one in outcomes]
     for plan in every:
@@ -91,6 +99,7 @@ def write_report(
     plans = [plan for plan in every if not plan.collapsed]
     felt = [one for one, plan in zip(shaking, every, strict=bool(shaking)) if not plan.collapsed]
     loaded = [one for one, plan in zip(loading, every, strict=bool(loading)) if not plan.collapsed]
+    around = [one for one, plan in zip(openings, every, strict=bool(openings)) if not plan.collapsed]
     if not plans:
         raise InputError(
             f"plans: rock finds no equilibrium in any plan ({every[0].name}: in step {every[0].collapsed}), so there "
@@ -127,6 +136,7 @@ def write_report(
             forecasts=forecast_rows(plans),
             shaking=shaking_rows(plans, felt),
             loading=loading_rows(plans, loaded),
+            depths=depth_section(plans, around),
             measured=measured_text(plans),
             laws=law_texts(plans),
             ratios=sorted(ratios),

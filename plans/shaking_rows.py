@@ -34,6 +34,7 @@ def shaking_rows(plans: Sequence[PlanSummary], shaking: Sequence[xr.Dataset]) ->
     return {
         "chance": f"{100 * shaking[0]['chance'].values[place]:g} %",
         "relation": typeset(str(shaking[0].attrs["relation_text"]).replace(" - ", " − ")),
+        "depth_source": str(shaking[0].attrs.get("depth_source", "")),
         "has_demand": bool(np.isfinite(shaking[0]["demand"].values).any()),
         "rows": [
             {"opening": opening, "cells": [cells[plan.name].get(opening, (0.0, missing))[1] for plan in plans]}

@@ -1,6 +1,6 @@
 """The section `openings` of a mine file, and the slice of the stage of its table."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -43,3 +43,19 @@ class OpeningSlice(Settings):
     insitu: InsituStress
     chainage: float
     """m"""
+
+
+class OpeningRun(Settings):
+    """A run of a plan: the files of its steps, in order."""
+
+    kind: Literal["own", "member"]
+    states: Annotated[tuple[str, ...], AsTuple]
+    events: Annotated[tuple[str, ...], AsTuple]
+
+
+class PlanOpeningSlice(OpeningSlice):
+    """The slice of stage `plan_openings`."""
+
+    plan: str
+    runs: Annotated[tuple[OpeningRun, ...], Field(min_length=1), AsTuple]
+    """the plan's own first"""

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.stats import norm, t
 
 from catalogs.compare.spread import all_runs
-from catalogs.sources.jackknife import INTERVAL_95
+from catalogs.compare.sum_measures import MIN_RUNS_FOR_VARIANCE
+from catalogs.run_numbers import run_dispersion, widened
 from common.source_tensors import moment_magnitude
-from shaking.hazard import MIN_RUNS, run_dispersion
 from shaking.relations import sizes_of
 
 MAGNITUDE_CLASS = 0.5  # width of a class of Mw
@@ -65,10 +64,8 @@ def dispersions(number: NDArray, record: xr.Dataset | None) -> tuple[float, floa
     process = of_runs
     if record is not None and np.isfinite(record["dispersion_index"]):
         process = max(process, float(record["dispersion_index"]))
-    freedom = (len(number) - 1) * number.shape[1] if len(number) >= MIN_RUNS else 0
-    if freedom:
-        of_runs *= float(t.ppf(INTERVAL_95[1], freedom) / norm.ppf(INTERVAL_95[1])) ** 2
-    return process, of_runs
+    freedom = (len(number) - 1) * number.shape[1] if len(number) >= MIN_RUNS_FOR_VARIANCE else 0
+    return process, widened(of_runs, freedom)
 
 
 def magnitude_edges(magnitude: NDArray) -> NDArray:

@@ -30,7 +30,6 @@ from shaking.relations import exceedance
 
 LOG_VELOCITIES = np.linspace(-5.0, 2.0, 141)  # log10 m/s: of curves, and where the search for a velocity begins
 BISECTIONS = 15  # of a span of LOG_VELOCITIES, to 2e-6 of log10 v
-MIN_RUNS = 5  # Runs that a variance between them needs (plans.differences).
 BLOCK_SIZE = 1 << 22  # Chances that are computed at a time.
 
 
@@ -126,16 +125,6 @@ def _gamma_quantile(mean: NDArray, variance: NDArray, quantile: float) -> NDArra
     positive = (mean > 0.0) & (variance > 0.0)
     mean, variance = np.where(positive, mean, 1.0), np.where(positive, variance, 1.0)
     return np.where(positive, variance / mean * scipy.special.gammaincinv(mean**2 / variance, quantile), 0.0)
-
-
-def run_dispersion(number: NDArray) -> float:
-    """Variance of the number of events between runs (run, step) over its mean, summed over steps, at least 1.
-
-    1 for fewer runs than a variance needs, or without an event (as plans.hazard has it).
-    """
-    if len(number) < MIN_RUNS or not number.any():
-        return 1.0
-    return max(1.0, float(number.var(axis=0, ddof=1).sum() / number.mean(axis=0).sum()))
 
 
 def disaggregate(weight: NDArray, first: NDArray, second: NDArray, edges: tuple[NDArray, NDArray]) -> NDArray:

@@ -57,19 +57,31 @@ def shaking_stage(
     runs = read_members(members, steps, settings.mine)
     events = RunEvents.of_catalogues(relation.kind, own, runs, steps)
     record = read_dataset(comparison, RECORD_VARIABLES) if comparison else None
-    depths = None
-    if settings.ground_motion.failed_depth:
-        if failed_rock is None:
-            raise InputError(f"ground_motion.displacement: no depth of failed rock is known; {DEPTH_REMEDY}")
-        depths = read_depths(failed_rock, settings)
+    depths = _failed_depths(settings, failed_rock)
     return find_shaking(settings, relation, events, read_dataset(grid), record, depths, fit_text)
 
 
-def plan_shaking_stage(given: Mapping, *, grid: Path, outcome: Path, comparison: Path | None = None) -> xr.Dataset:
+def _failed_depths(settings: ShakingSlice, failed_rock: Path | None) -> NDArray | None:
+    """Depths of failed rock (step, opening, side) m from openings.nc, if demands need them; None if none does."""
+    if not settings.ground_motion.failed_depth:
+        return None
+    if failed_rock is None:
+        raise InputError(f"ground_motion.displacement: no depth of failed rock is known; {DEPTH_REMEDY}")
+    return read_depths(failed_rock, settings)
+
+
+def plan_shaking_stage(
+    given: Mapping,
+    *,
+    grid: Path,
+    outcome: Path,
+    comparison: Path | None = None,
+    failed_rock: Path | None = None,
+) -> xr.Dataset:
     """Shaking of a mining plan from its outcome.nc: events from the floor on, of its own run and of its members.
 
-    given, grid, comparison: as in shaking_stage, of the plan. The moment of an event is its potency by the shear
-    modulus of the host rock, as all magnitudes of plans. Raises InputError as shaking_stage.
+    given, grid, comparison, failed_rock: as in shaking_stage, of the plan. The moment of an event is its potency by the
+    shear modulus of the host rock, as all magnitudes of plans. Raises InputError as shaking_stage.
     """
     settings = ShakingSlice.of(given)
     found = read_dataset(outcome)
@@ -86,7 +98,8 @@ def plan_shaking_stage(given: Mapping, *, grid: Path, outcome: Path, comparison:
         found["event_location"].values, potency, float(found.attrs["shear_modulus"]) * potency,
     )  # fmt: skip
     record = read_dataset(comparison, RECORD_VARIABLES) if comparison else None
-    return find_shaking(settings, relation, events, read_dataset(grid), record, fit_text=fit_text)
+    depths = _failed_depths(settings, failed_rock)
+    return find_shaking(settings, relation, events, read_dataset(grid), record, depths, fit_text)
 
 
 def relation_and_text(settings: ShakingSlice) -> tuple[GroundMotion, str]:

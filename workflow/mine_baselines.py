@@ -124,12 +124,21 @@ class MineBaselines:
             "mine": self.mine.name,
             "comparison": compared,
             "planned": planned,
+            "drives": self._drives(),
             "flaws": self.flaws_slice(),
             "box": self._box(),
             **({"since": since} if since else {}),
             **({"complete_above": complete_above} if complete_above is not None else {}),
             **(self._place() if self.has_place else {}),
         }
+
+    def _drives(self) -> list[dict]:
+        """Excavations that are mined: when, and the points along those whose shape has an axis."""
+        path = {one["name"]: one.get("path") for one in self.mine.openings_slice()["excavations"]}
+        return [
+            opening | ({"path": path[opening["name"]]} if path[opening["name"]] else {})
+            for opening in self.mine.mined_openings()
+        ]
 
     @property
     def has_place(self) -> bool:

@@ -14,6 +14,7 @@ from workflow.result_files import ResultFiles
 OUTCOME = "outcome.nc"
 SHAKING = "shaking.nc"
 LOADING = "loading.nc"
+OPENINGS, OPENING_RUNS = "openings.nc", "opening_runs.nc"
 COARSE_RUN = "coarse"  # kind of a run on cells of twice the size
 POSTERIOR = "posterior"
 TITLE_OF_MINE_FILE = "As the mine file has it"
@@ -218,6 +219,39 @@ class PlanOutcomes:
             **({"recorded_runs": recorded} if recorded else {}),
             **({"recorded_states": states} if states else {}),
         }
+
+    def _opening_runs(self, plan: str) -> list[dict]:
+        """The plan's own run and its members, with the states and events of all of its steps."""
+        found = []
+        for kind, folder in self.runs(plan):
+            if kind in ("own", "member"):
+                steps = self.folders.mine_at(folder).mined_steps
+                states, events = (
+                    [self.files.result(folder, f"{part}/{step}") for step in steps] for part in ("steps", "events")
+                )
+                found.append({"kind": kind, "states": states, "events": events})
+        return found
+
+    def openings_slice(self, plan: str) -> dict:
+        """Settings that the openings of a plan depend on, besides the content of files."""
+        mine = self.folders.mine_at(self.folders.place_of(plan))
+        return mine.openings_slice() | {"plan": plan, "runs": self._opening_runs(plan)}
+
+    def opening_results(self, plan: str) -> list[str]:
+        """States and folders of events that the openings of a plan are made from."""
+        runs = self._opening_runs(plan)
+        files = [path for run in runs for path in (*run["states"], *map(os.path.dirname, run["events"]))]
+        return list(dict.fromkeys(files))
+
+    def openings(self) -> list[str]:
+        """Openings of all plans after their last steps, in order."""
+        return [self.files.own(f"{PLANS}/{plan}/{OPENING_RUNS}") for plan in self.checked_names]
+
+    def failed_rock(self, plan: str) -> str | list[str]:
+        """Table of openings of a plan, if demands on support take the depth of failed rock from it."""
+        motion = self.mine.settings.ground_motion
+        asked = motion is not None and motion.failed_depth
+        return self.files.own(f"{PLANS}/{plan}/{OPENINGS}") if asked else []
 
     def shaking_slice(self, plan: str) -> dict:
         """Settings that the shaking of a plan depends on: ground motion and support of the mine file, and steps and

@@ -21,7 +21,7 @@ from common.datasets import atomic_path
 from common.pages import page_templates
 
 FOLDER = Path(__file__).parent  # "templates" and, beside each section's module, its own
-SCRIPTS = [FOLDER / "browser" / name for name in ("three.min.js", "view.js")]  # in order
+SCRIPTS = [FOLDER / "browser" / name for name in ("three.min.js", "view_names.js", "view.js")]  # in order
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 MODULES = {"first": first_page} | {
     name: importlib.import_module(f"{sections.__name__}.{name}") for name in sections.SECTIONS

@@ -10,8 +10,17 @@ from hypothesis.extra.numpy import arrays
 from scipy.stats import binom
 
 from baselines.alert_report import CURVE_SHARES, alert_rows, alert_sentences, draw_molchan, write_alerts
-from baselines.alerts import AlertCells, AlertScores, alert_shares, find_alerts, no_skill_band, share_interval
+from baselines.alerts import (
+    AlertCells,
+    AlertScores,
+    alert_shares,
+    find_alerts,
+    find_drive_alerts,
+    no_skill_band,
+    share_interval,
+)
 from baselines.csep import rates_on_globe, write_csep
+from baselines.drives import DriveMetres
 from baselines.models import Counted
 from baselines.month_maps import MonthMaps, Periods, Places
 from catalogs.sources.geographic_frame import MineFrame
@@ -193,10 +202,14 @@ def test_maps_that_know_nothing_leave_the_band_as_often_as_stated():
     assert np.mean(outside, axis=0)[2] >= 0.025
 
 
-def months_of(maps: MonthMaps, expected=(np.nan, 30.0, 40.0)) -> SimpleNamespace:
+def months_of(maps: MonthMaps, expected=(np.nan, 30.0, 40.0), drives: DriveMetres | None = None) -> SimpleNamespace:
     """What the page and the files take of months."""
     return SimpleNamespace(
-        maps=maps, alerts=find_alerts(maps), steps=("a", "b", "c"), expected_number=lambda step: expected[step]
+        maps=maps,
+        alerts=find_alerts(maps),
+        drive_alerts=find_drive_alerts(maps, drives),
+        steps=("a", "b", "c"),
+        expected_number=lambda step: expected[step],
     )
 
 

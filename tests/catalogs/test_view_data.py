@@ -24,6 +24,7 @@ from common.part_centers import part_centers
 
 MODELLED, RECORDED = "Modelled", "Recorded (twin)"
 BROWSER = SCRIPTS[0].parent
+OWN_SCRIPTS = ("view_names.js", "view.js")
 
 
 def evidence_of(mine: fixtures.Mine, **changes) -> Evidence:
@@ -289,7 +290,7 @@ def test_the_bundle_is_the_one_that_its_readme_records():
 
 
 def test_the_bundle_holds_what_our_script_uses():
-    used = set(re.findall(r"THREE\.(\w+)", (BROWSER / "view.js").read_text()))
+    used = set(re.findall(r"THREE\.(\w+)", "".join((BROWSER / name).read_text() for name in OWN_SCRIPTS)))
     listed = re.findall(r"export \{(.*?)\}", (BROWSER / "three.entry.js").read_text(), re.DOTALL)
     assert used == set(re.findall(r"\w+", " ".join(listed)))
     assert all(f"{name}:()=>" in (BROWSER / "three.min.js").read_text() for name in used)

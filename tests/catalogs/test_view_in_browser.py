@@ -142,7 +142,7 @@ def test_both_sides_are_drawn_and_nothing_is_asked_of_a_network(page, tmp_path):
     addresses = {address.split(":")[0] for address in page.requests}
     assert addresses == {"file", "data"}
     assert sum(address.startswith("file:") for address in page.requests) == 1
-    for name in ("openings", "rock"):
+    for name in ("openings", "rock", "names"):
         page.value(f"{VIEW.format(name)}.click()")
     set_to(page, "step", 0)
     assert counts(page) == [0, 0]
@@ -324,6 +324,121 @@ def test_an_event_that_is_no_longer_shown_is_not_read(page):
     assert page.value(f"{VIEW.format('root')}.dataset.picked") == ""
 
 
+# ---- names of openings ----
+
+
+def names_shown(browser: Browser) -> list[str]:
+    """The names over both sides."""
+    frames(browser)
+    return browser.value(
+        "[...document.querySelectorAll('.view-name')].filter((one) => one.getAttribute('visibility') !== 'hidden')"
+        ".map((one) => one.textContent)"
+    )
+
+
+def choose_opening(browser: Browser, name: str) -> str:
+    """Choose an opening in the list; what is said of it."""
+    set_to(browser, "opening", name)
+    return browser.value(f"{VIEW.format('opening-reading')}.textContent")
+
+
+def test_openings_are_named_on_both_sides_until_names_are_switched_off(page):
+    """Those that are mined by the step, and planned ones."""
+    assert sorted(names_shown(page)) == sorted(["drive", "stope_1", "stope_2", "stope_9"] * 2)
+    assert page.value(f"{VIEW.format('named')}.textContent") == "All openings are named."
+    set_to(page, "step", 0)
+    assert sorted(names_shown(page)) == sorted(["drive", "stope_9"] * 2)
+    page.value(f"{VIEW.format('names')}.click()")
+    assert names_shown(page) == []
+    assert page.value(f"{VIEW.format('named')}.textContent") == ""
+
+
+def test_a_chosen_opening_is_read_by_step(page):
+    assert choose_opening(page, "stope_1") == "stope_1: mined in step 2019-08; filled in step 2019-08."
+    assert choose_opening(page, "stope_9") == "stope_9: planned, not mined yet."
+    assert choose_opening(page, "stope_2") == "stope_2: mined in step 2019-09."
+    frames(page)
+    assert page.value("document.querySelectorAll('.view-name-chosen').length") == 2
+    set_to(page, "step", 1)
+    reading = page.value(f"{VIEW.format('opening-reading')}.textContent")
+    assert reading == "stope_2: mined in step 2019-09, which comes later."
+    assert choose_opening(page, "") == "No opening is chosen."
+
+
+def test_a_click_at_an_opening_reads_it(page):
+    """At the end of the drive, far from its name, with all events hidden; a click at nothing reads none."""
+    set_to(page, "direction", "plan")
+    set_to(page, "step", 0)
+    names_shown(page)
+    metres = metres_per_pixel(page)
+    box = page.value(f"(({{left, top, width, height}}) => [left, top, width, height])"
+                     f"({VIEW.format('canvas')}.getBoundingClientRect())")  # fmt: skip
+    middle = np.array([box[0] + box[2] / 4, box[1] + box[3] / 2])  # of the left side
+    centre = np.array(page.value("JSON.parse(document.getElementById('view-data').textContent).centre"))
+    end = fixtures.ORIGIN + 96.0 * np.array([0.97, 0.48, 0.48]) - centre
+    place = tuple(middle + end[:2] * [1, -1] / metres)
+    page.drag(place, place)
+    assert page.value(f"{VIEW.format('opening')}.value") == "drive"
+    assert page.value(f"{VIEW.format('opening-reading')}.textContent").startswith("drive: mined in step history")
+    page.drag((box[0] + 8, box[1] + 45), (box[0] + 8, box[1] + 45))
+    assert page.value(f"{VIEW.format('opening')}.value") == ""
+
+
+def test_of_many_openings_the_first_are_named_and_no_name_covers_another(page):
+    """Random places, crowded and not: at most twelve names, apart from each other and from what is taken."""
+    generator = np.random.default_rng(7)
+    for count, spread in [(1, 200), (30, 300), (141, 300), (141, 20), (141, 0)]:
+        wanted = [
+            {"name": f"drive {i}", "x": 250 + x, "y": 200 + y, "width": 60.0}
+            for i, (x, y) in enumerate(generator.uniform(-spread, spread, (count, 2)))
+        ]
+        taken = {"left": 0, "right": 150, "top": 300, "bottom": 400}
+        area = {"left": 0, "right": 500, "top": 30, "bottom": 400}
+        placed = page.value(f"ViewNames.place({json.dumps(wanted)}, {json.dumps(area)}, [{json.dumps(taken)}])")
+        boxes = [one["box"] for one in placed]
+        assert all(
+            box["left"] >= 0 and box["right"] <= 500 and box["top"] >= 30 and box["bottom"] <= 400 for box in boxes
+        )
+        boxes.append(taken)
+        for i, a in enumerate(boxes):
+            for b in boxes[:i]:
+                assert (
+                    a["left"] >= b["right"]
+                    or b["left"] >= a["right"]
+                    or a["top"] >= b["bottom"]
+                    or b["top"] >= a["bottom"]
+                )
+        assert len(placed) == min(count, 12) if spread else 5 <= len(placed) <= 12
+        order = [int(one["name"].split()[1]) for one in placed]
+        assert order == sorted(order)
+        inside = [i for i, one in enumerate(wanted) if 0 <= one["x"] <= 500 and 30 <= one["y"] <= 400]
+        assert order[0] == inside[0]
+
+
+def test_the_deepest_failure_comes_first(page):
+    """Openings by hand: deepest first, those without rows after them, planned ones last, the chosen one before all."""
+    data = {
+        "openings": [{"name": name, "step": step, "filled": -1, "places": 1, "reach": 1.0}
+                     for name, step in [("large", 0), ("planned", -1), ("deep", 0), ("later", 1)]],
+        "sides": ["roof", "walls", "floor", "face"], "measured": True,
+    }  # fmt: skip
+    numbers = {"places": [0.0] * 12, "depth": [0.0, 2.0, 0, 0, 3.04, 1.0, 0, 9.0], "side": [0, 0, -1, -1, 1, 2, -1, 0],
+               "closure": [0.0, 0.0, 0, 0, 0.0124, 0, 0, 0]}  # fmt: skip
+    make = f"new ViewNames.Openings({json.dumps(data)}, {json.dumps(numbers)}, [{{name: 'first'}}, {{name: 'second'}}])"
+    assert page.value(f"{make}.inOrder(0, null)") == [2, 0, 1]
+    assert page.value(f"{make}.inOrder(1, null)") == [3, 0, 2, 1]
+    assert page.value(f"{make}.inOrder(0, 3)") == [3, 2, 0, 1]
+    sentence = page.value(f"{make}.sentence([2], 0)")
+    assert sentence == (
+        "1 of 3 openings are named: those in which rock has failed deepest, if their names have room. "
+        "Deepest failure after first: deep 3.0 m (walls)."
+    )
+    assert page.value(f"{make}.reading(2, 0)") == (
+        "deep: mined in step first; after first rock has failed to a depth of 3.0 m (walls); closure 12 mm"
+    )
+    assert "after first no failed rock" in page.value(f"{make}.reading(0, 0)")
+
+
 # ---- where there is no view ----
 
 
@@ -387,6 +502,7 @@ def test_names_from_files_stay_text(browser, mine, tmp_path):
     assert browser.value(f"{VIEW.format('step-name')}.textContent") == HOSTILE
     browser.value(f"{VIEW.format('only')}.click()")
     browser.value(f"{VIEW.format('largest')}.click()")
+    assert choose_opening(browser, HOSTILE).startswith(HOSTILE)
     assert f"step {HOSTILE}; " in browser.value(f"{VIEW.format('reading')}.textContent")
     assert browser.errors == []
 

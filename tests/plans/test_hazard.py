@@ -7,11 +7,12 @@ import pytest
 from plan_fixtures import STEPS
 from scipy.stats import kstest, nbinom, poisson
 
+from catalogs.run_numbers import run_dispersion, widened
 from catalogs.sources.jackknife import INTERVAL_95
 from catalogs.sources.sizes import LN10, estimate_b
 from catalogs.sources.truncated_law import TruncatedLaw, draw_law
 from plans.factors import DRIFT, STEP_SCATTER, Factors, draw_levels, find_factors, steps_of_plan
-from plans.hazard import chance_of, chances, draw_expected, draw_numbers, run_dispersion, widened
+from plans.hazard import chance_of, chances, draw_expected, draw_numbers
 from plans.record import MONTH, RecordedNumbers
 from plans.runs import StepResult
 from plans.size_law import independent_share, size_law

@@ -18,6 +18,7 @@ from plan_fixtures import (
     write_run,
 )
 from plan_fixtures import outcome_slice as slice_of
+from test_opening_depths import openings_of
 
 from catalogs.report.text import DOWN, UP, number
 from catalogs.settings import DatedStep
@@ -191,8 +192,14 @@ def test_steps_ahead_are_forecast(plans):
 def test_the_page_needs_nothing_else_and_the_table_holds_all(plans, tmp_path):
     outcomes = [plan.outcome for plan in plans]
     page, table = tmp_path / "report.html", tmp_path / "plans.csv"
-    write_report(outcomes, GRID, SETTINGS, page, table)
+    depths = [np.linspace(2.0, 3.0, 5), np.linspace(6.0, 7.0, 5), np.linspace(2.0, 3.0, 5)]
+    around = [openings_of({"drive": np.ones(5), "stope_1": own}) for own in depths]
+    write_report(outcomes, GRID, SETTINGS, page, table, openings=around)
     text = page.read_text()
+    section = text[text.index("<h2>Depth of failure at openings") :].split("<h2>")[1]
+    assert "With other_order rock fails deeper at stope_1 (+4.0 m) than with mine_file." in section
+    assert "No opening that both longer and mine_file mine shows a difference" in section
+    assert section.index("stope_1</td>") < section.index("drive</td>")
     assert not re.search(r'(src|href)="(?!data:|#)', text)
     assert "Steps ahead of the record" in text
     rows = pd.read_csv(table)

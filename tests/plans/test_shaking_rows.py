@@ -22,7 +22,7 @@ def made_up(openings: list[str], velocity: np.ndarray, filled: np.ndarray, deman
             "opening": np.array(openings, object),
             "chance": [0.5, 0.1, 0.02],
         },
-        attrs={"relation_text": "log10 v = -5.25 + 0.49 s - 1 log10(R)"},
+        attrs={"relation_text": "log10 v = -5.25 + 0.49 s - 1 log10(R)", "depth_source": "the mine file"},
     )
 
 
@@ -35,6 +35,7 @@ def test_each_opening_stands_with_its_largest_velocity_and_that_step():
     found = shaking_rows([FIRST, SECOND], [own, other])
     assert found["chance"] == "10 %"
     assert found["has_demand"]
+    assert found["depth_source"] == "the mine file"
     assert [row["opening"] for row in found["rows"]] == ["stope", "drive"]
     stope, drive = (row["cells"] for row in found["rows"])
     assert (stope[0]["velocity"], stope[0]["step"], stope[0]["demand"]) == ("0.40", "2019-09", "5.6")

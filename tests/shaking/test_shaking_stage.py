@@ -312,6 +312,47 @@ def test_a_plan_shakes_as_a_mine_with_its_events(tmp_path):
         plan_shaking_stage(slice_of(steps=[STEPS[0].given()], openings=[dict(OPENINGS[0])]), **paths)
 
 
+def test_each_plan_has_the_demand_of_its_own_failed_rock(tmp_path):
+    """Two plans of the same events; the roof of a stope fails twice as deep in one. There the mass doubles, and with it
+    m v^2 / 2 + m g d. Nothing changes at the drive, nor do velocities. Without a table it is one line."""
+    size, place, step = scattered(30)
+    outcome = xr.Dataset(
+        {
+            "number": (("run", "step", "opening_or_any"), np.zeros((1, 2, 4))),
+            "event_location": (("event", "xyz"), place),
+            "event_potency": ("event", 10.0**size),
+            "event_step": ("event", step.astype(np.int32)),
+            "event_run": ("event", np.zeros(30, np.int32)),
+            "step": ("step", np.array([step.name for step in STEPS], object)),
+        },
+        attrs={"mine": MINE, "shear_modulus": SHEAR},
+    )
+    write_dataset(outcome, tmp_path / "outcome.nc")
+    write_dataset(made_up_grid(), tmp_path / "grid.nc")
+    paths = {"grid": tmp_path / "grid.nc", "outcome": tmp_path / "outcome.nc"}
+    found = []
+    for deep in (0.5, 1.0):
+        rows = [
+            (one.name, name, "roof", np.nan, depth, 9.0)
+            for one in STEPS
+            for name, depth in (("drive", 0.4), ("stope_1", deep))
+        ]
+        write_dataset(opening_table(rows), tmp_path / f"{deep}.nc")
+        given = slice_of(ground_motion={"displacement": 200.0})
+        found.append(plan_shaking_stage(given, failed_rock=tmp_path / f"{deep}.nc", **paths).sel(side="roof"))
+    first, second = found
+    np.testing.assert_array_equal(first["velocity"], second["velocity"])
+    ratio = (second["demand"] / first["demand"]).sel(step="2019-09")
+    np.testing.assert_allclose(ratio.sel(opening="stope_1"), 2.0)
+    np.testing.assert_allclose(ratio.sel(opening="drive"), 1.0)
+    velocity = second["velocity"].sel(step="2019-09", opening="stope_1").values
+    by_hand = 2700.0 * 1.0 * (0.5 * velocity**2 + 9.81 * 0.2)
+    np.testing.assert_allclose(second["demand"].sel(step="2019-09", opening="stope_1"), by_hand)
+    assert np.isnan(second["demand"].sel(opening="stope_2")).all()  # no failed rock is known
+    with pytest.raises(InputError, match=r"no depth of failed rock is known; give ground_motion\.depth"):
+        plan_shaking_stage(given, **paths)
+
+
 def test_a_relation_that_fits_no_event_is_one_line():
     motion = {"relation": {"name": "mcgarr_1981", "scatter": 0.3}}
     size, place, step = scattered(30)

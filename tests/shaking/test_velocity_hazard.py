@@ -11,8 +11,7 @@ from scipy.stats import nbinom
 
 from catalogs.compare.exposure import total_interval
 from plans.hazard import chance_of
-from plans.hazard import run_dispersion as dispersion_of_plans
-from shaking.hazard import Shaking, disaggregate, expected_interval, run_dispersion
+from shaking.hazard import Shaking, disaggregate, expected_interval
 from shaking.relations import GroundMotion
 
 CHANCES = np.array([0.5, 0.1, 0.02])
@@ -106,12 +105,9 @@ def test_the_rate_of_a_chance_is_the_inverse_of_the_chance(chance, dispersion, e
         assert one.chance(rate) == pytest.approx(chance, rel=1e-6)
 
 
-def test_chances_and_dispersions_are_those_of_the_plans():
+def test_chances_are_those_of_the_plans():
     one = shaking([0.0], dispersion=2.5, expected=30.0)
     assert one.chance(1.2) == pytest.approx(float(chance_of(np.array(30.0), np.array(1.2 / 30.0), 2.5)), rel=1e-12)
-    number = np.random.default_rng(3).poisson(20.0 * np.arange(1, 7)[:, None], (6, 4))
-    assert run_dispersion(number) == pytest.approx(dispersion_of_plans(number), rel=1e-12)
-    assert run_dispersion(number[:4]) == dispersion_of_plans(number[:4]) == 1.0
 
 
 @given(st.lists(st.floats(1e-6, 1.0), min_size=1, max_size=40), st.floats(1.0, 5.0))

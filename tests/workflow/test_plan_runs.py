@@ -49,7 +49,7 @@ def test_plans_of_the_tiny_mine(planned, undisturbed, base):
     another class of chance makes no step again."""
     folder, text = planned
     results = folder / "results/tiny"
-    assert jobs(text) == {"step": 3, "events": 2, "plan_outcome": 3, "plans": 1}
+    assert jobs(text) == {"step": 3, "events": 2, "plan_outcome": 3, "plan_openings": 3, "plans": 1}
     with edited(base / "files" / "tiny.yaml", PLANNED) as file:
         again = snakemake(file, folder, "--dry-run", "plans")
     assert "Nothing to be done" in again[1]
@@ -60,6 +60,7 @@ def test_plans_of_the_tiny_mine(planned, undisturbed, base):
     made |= {f"plans/{plan}/events/{step}.nc" for plan in PLANS for step in ("history", "2019-08", "2019-09")}
     made |= {f"plans/{plan}/{name}.nc" for plan in PLANS for name in ("outcome", "catalog")}
     made |= {"plans/mine_file/outcome.nc"}
+    made |= {f"plans/{plan}/opening{end}" for plan in ("mine_file", *PLANS) for end in ("s.nc", "s.csv", "_runs.nc")}
     kept = {name for name in after if name.startswith("forecasts/")}
     assert len(kept) == 3
     assert set(after) - set(before) - kept == made

@@ -60,8 +60,9 @@ PLANS = {"later": {"excavations": {"stope_2": {"step": "2019-09"}}, "steps": [NE
 
 @pytest.mark.slow
 def test_plans_are_shaken_side_by_side(spoiled, base):
-    """Each plan has its own table; the page has them beside each other, opening by opening."""
-    planned = changed(TINY, **SHAKEN, plans=PLANS, hazard={"runs": 1})
+    """Each plan has its own table, with depths of its own failed rock; the page has them beside each other."""
+    by_rock = {"ground_motion": {key: MOTION[key] for key in ("relation", "displacement")}, "support": SUPPORT}
+    planned = changed(TINY, **by_rock, plans=PLANS, hazard={"runs": 1})
     with edited(base / "files" / "tiny.yaml", planned) as file:
         status, text = snakemake(file, spoiled, "plans")
         assert status == 0, text
@@ -75,7 +76,21 @@ def test_plans_are_shaken_side_by_side(spoiled, base):
     first = [[row for row in rows if row["step"] == "2019-08"] for rows in tables.values()]
     lower = "velocity_lower_m_s"
     assert [(row["opening"], row[lower]) for row in first[0]] == [(row["opening"], row[lower]) for row in first[1]]
+    for name in tables:
+        with (
+            xr.open_dataset(plans / name / "shaking.nc") as shaking,
+            xr.open_dataset(plans / name / "openings.nc") as openings,
+        ):
+            step = str(shaking["step"].values[-1])
+            rows = (openings["excavation"] == "drive") & (openings["side"] == "walls") & (openings["step"] == step)
+            known = openings["depth_p90"].values[rows & np.isnan(openings["chainage_from"])]
+            np.testing.assert_allclose(shaking["depth"].sel(opening="drive", side="walls", step=step).values, known)
+            assert shaking.attrs["depth_source"].startswith("the depth of failed rock")
+        with xr.open_dataset(plans / name / "opening_runs.nc") as runs:
+            assert runs["run"].values.tolist() == ["own"]
+            assert runs.attrs["step"] == step
     page = (plans / "report.html").read_text(encoding="utf-8")
+    assert "Only later mines stope_2." in page
     section = page[page.index("Shaking of openings") :].split("<h2>")[0]
     assert "stope_2" in section
     assert "2019-09" in section

@@ -38,6 +38,7 @@ STAGES = {
     "plan_shaking",
     "loading",
     "plan_loading",
+    "plan_openings",
     "all",
 }
 DATASETS = (".nc", ".csv", ".xml")

@@ -38,6 +38,36 @@ rule plan_outcome:
         RUN
 
 
+rule plan_openings:
+    """Depth of failure, closure and failed rock at the openings of a plan, in each of its runs."""
+    input:
+        **INPUTS.of(
+            "plan_openings",
+            "{plan}",
+            settings=lambda wildcards: OUTCOMES.openings_slice(wildcards.plan),
+            grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
+            # for order and provenance: the stage takes the files of each run from its settings, `runs`
+            results=lambda wildcards: OUTCOMES.opening_results(wildcards.plan),
+            record=FILES.if_recorded("record.nc"),
+        ),
+    output:
+        f"{PLAN_RESULTS}/{{plan}}/openings.nc",
+        f"{PLAN_RESULTS}/{{plan}}/openings.csv",
+        f"{PLAN_RESULTS}/{{plan}}/opening_runs.nc",
+    log:
+        f"{PLAN_LOGS}/{{plan}}/openings.log",
+    wildcard_constraints:
+        plan=MINING_PLANS.pattern,
+    conda:
+        ENVIRONMENT
+    threads: 1
+    resources:
+        mem_mb=RESOURCES.reading_memory("openings"),
+        runtime=60,
+    shell:
+        RUN
+
+
 if FILES.has_shaking:
 
     rule plan_shaking:
@@ -49,6 +79,7 @@ if FILES.has_shaking:
                 settings=lambda wildcards: OUTCOMES.shaking_slice(wildcards.plan),
                 grid=lambda wildcards: OUTCOMES.grid(wildcards.plan),
                 outcome=f"{PLAN_RESULTS}/{{plan}}/outcome.nc",
+                failed_rock=lambda wildcards: OUTCOMES.failed_rock(wildcards.plan),
                 comparison=FILES.if_recorded("comparison.nc"),
             ),
         output:
@@ -107,6 +138,7 @@ rule plans:
             outcomes=lambda wildcards: OUTCOMES.outcomes(),
             shaking=lambda wildcards: OUTCOMES.shaking(),
             loading=lambda wildcards: OUTCOMES.loading(),
+            openings=lambda wildcards: OUTCOMES.openings(),
             grid=FILES.own("grid.nc"),
         ),
     output:

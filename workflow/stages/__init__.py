@@ -31,7 +31,7 @@ IMPORTS = {  # packages that the code of a package uses
     "seismic": ("common",),
     "catalogs": ("common",),
     "calibration": ("catalogs", "common", "seismic"),
-    "baselines": ("catalogs", "common", "mpm_core"),
+    "baselines": ("catalogs", "common", "mpm_core", "response"),
     "plans": ("baselines", "catalogs", "common"),
     "response": ("catalogs", "common", "mpm_core"),
     "export": ("catalogs", "common", "mpm_core"),

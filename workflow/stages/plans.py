@@ -41,5 +41,5 @@ def plans(job: Job) -> None:
     from plans.page import report_stage
 
     page, table = job.outputs[:2]
-    several = {name: job.paths(name) for name in ("outcomes", "shaking", "loading")}
+    several = {name: job.paths(name) for name in ("outcomes", "shaking", "loading", "openings")}
     report_stage(job.settings, grid=job.input("grid"), **several, output=page, table=table)

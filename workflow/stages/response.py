@@ -1,12 +1,7 @@
 """Stages of what drives and stopes feel."""
 
-from typing import TYPE_CHECKING
-
 from common.job import Job
 from workflow.stages import stage
-
-if TYPE_CHECKING:
-    pass
 
 
 @stage("response", settings=lambda mine, wildcards: mine.openings_slice())
@@ -25,6 +20,22 @@ def openings(job: Job) -> None:
     found = found.assign_attrs(job.provenance())
     write_dataset(found, job.output("openings.nc"))
     write_csv(found, FIELDS, job.output("openings.csv"))
+
+
+@stage("response")
+def plan_openings(job: Job) -> None:
+    """Openings of a plan: those of its own run by step, and those of all runs after the last step"""
+    from common.datasets import write_dataset
+    from common.opening_table import FIELDS
+    from response.run_openings import plan_tables
+    from response.settings import PlanOpeningSlice
+    from response.table_csv import write_csv
+
+    settings = PlanOpeningSlice.of(job.settings)
+    own, runs = plan_tables(settings, job.input("grid"), job.input_if_any("record"))
+    write_csv(own, FIELDS, job.output("openings.csv"))
+    write_dataset(own.assign_attrs(job.provenance()), job.output("openings.nc"))
+    write_dataset(runs.assign_attrs(job.provenance()), job.output("opening_runs.nc"))
 
 
 @stage("response", settings=lambda mine, wildcards: mine.observations_slice())

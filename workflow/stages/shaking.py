@@ -35,6 +35,7 @@ def plan_shaking(job: Job) -> None:
         grid=job.input("grid"),
         outcome=job.input("outcome"),
         comparison=job.input_if_any("comparison"),
+        failed_rock=job.input_if_any("failed_rock"),
     )
     write_csv(found, job.output("shaking.csv"))
     write_dataset(found.assign_attrs(job.provenance()), job.output("shaking.nc"))

@@ -186,9 +186,15 @@
       sides.push({ label, modelled, count, total, events, group, title: element("title-" + sides.length) });
     }
 
+    const names = ["places", "depth", "side", "closure"], numbers = await Promise.all(
+      names.map((name) => unpacked(data.names[name])));
+    const named = new ViewNames.Openings(
+      data.names, Object.fromEntries(names.map((name, i) => [name, numbers[i]])), data.steps);
+
     root.classList.add("view-on");
     const controls = new THREE.OrbitControls(camera, canvas);
-    const overlay = new Overlay(element("overlay"));
+    const overlay = new Overlay(element("overlay")), labels = new ViewNames.Labels(element("overlay"));
+    let opening = null; // The chosen one.
     let selected = null, waiting = false, painted = null;
 
     // ---- what is shown ----
@@ -218,7 +224,20 @@
         title.textContent = `${label}: ${counted(shown)} of ${counted(total)} events`;
       }
       if (selected && !selected.side.events.shown[selected.event]) select(null);
+      readOpening();
       redraw();
+    }
+
+    function chooseOpening(found) {
+      opening = found;
+      element("opening").value = found === null ? "" : named.openings[found].name;
+      readOpening();
+      redraw();
+    }
+
+    function readOpening() {
+      element("opening-reading").textContent =
+        opening === null ? "No opening is chosen." : named.reading(opening, Number(element("step").value)) + ".";
     }
 
     function select(found) {
@@ -259,18 +278,29 @@
       return metres / camera.zoom;
     }
 
-    // Pixels from the canvas's upper left corner, and how far away (larger is farther), in a side's frame.
-    function onScreen(side, event) {
-      const point = new THREE.Vector3().fromArray(side.events.position, 3 * event).project(camera);
-      const left = sides.indexOf(side) * across();
+    // Pixels from the canvas's upper left corner, and how far away (larger is farther), of a place in a side's frame.
+    function projected(side, x, y, z) {
+      const point = new THREE.Vector3(x, y, z).project(camera), left = sides.indexOf(side) * across();
       return {
         x: left + (point.x + 1) / 2 * across(), y: (1 - point.y) / 2 * canvas.clientHeight, depth: point.z,
       };
     }
 
+    function onScreen(side, event) {
+      return projected(side, ...side.events.position.subarray(3 * event, 3 * event + 3));
+    }
+
+    const sideAt = (x) => sides[Math.min(Math.floor(x / across()), sides.length - 1)];
+
+    // The opening at a place of the canvas, or null.
+    function openingAt(x, y) {
+      const metres = frame(across()), side = sideAt(x), step = Number(element("step").value);
+      return named.at(x, y, step, (...place) => projected(side, ...place), metres);
+    }
+
     // The event whose symbol is seen at a place of the canvas: the foremost there, or else the nearest close by.
     function eventAt(x, y) {
-      const side = sides[Math.min(Math.floor(x / across()), sides.length - 1)];
+      const side = sideAt(x);
       let best = null;
       frame(across());
       for (let event = 0; event < side.count; event++) {
@@ -301,8 +331,34 @@
       overlay.draw(camera, metres, height, selected && {
         ...onScreen(selected.side, selected.event), radius: selected.side.events.diameter[selected.event] / 2 + 4,
       });
+      drawNames(height);
       frame(canvas.clientWidth); // The controls move the view by pixels of the whole canvas.
       root.dataset.ready = "true";
+    }
+
+    // Names of openings on each side, beside its title, and those of the first side beside the scale and the arrows.
+    function drawNames(height) {
+      const step = Number(element("step").value), order = named.inOrder(step, opening), placed = [];
+      const shown = element("names").checked ? order : [];
+      let most = [];
+      sides.forEach((side, i) => {
+        const left = i * across();
+        const area = { left: left + 2, right: left + across() - 2, top: 30, bottom: height - 2 };
+        const taken = i ? [] : [{ left: 0, right: 150, top: height - 132, bottom: height }];
+        const wanted = function* () { // One by one, since most of many are not needed.
+          for (const index of shown) {
+            const first = 3 * named.first[index], name = named.label[index];
+            const { x, y } = projected(side, ...named.places.subarray(first, first + 3));
+            yield { name, index, x, y, width: labels.measure(name), chosen: index === opening };
+          }
+        };
+        const own = ViewNames.place(wanted(), area, taken);
+        if (own.length > most.length) most = own;
+        placed.push(...own);
+      });
+      labels.draw(placed);
+      const text = shown.length ? named.sentence(most.map(({ index }) => index), step) : "";
+      if (element("named").textContent !== text) element("named").textContent = text;
     }
 
     function redraw() {
@@ -320,10 +376,14 @@
 
     // ---- what the reader does ----
 
-    for (const name of ["step", "least", "only", "up-to", "openings", "rock"]) {
+    for (const name of ["step", "least", "only", "up-to", "openings", "rock", "names"]) {
       element(name).addEventListener("input", choose);
     }
     element("direction").addEventListener("input", look);
+    element("opening").addEventListener("input", () => {
+      const found = named.openings.findIndex(({ name }) => name === element("opening").value);
+      chooseOpening(found < 0 ? null : found);
+    });
     element("reset").addEventListener("click", look);
     element("largest").addEventListener("click", () => select(bySize()[0] ?? null));
     element("smaller").addEventListener("click", selectNext);
@@ -345,7 +405,11 @@
     canvas.addEventListener("pointerup", (event) => {
       const moved = pressed ? Math.hypot(event.clientX - pressed.clientX, event.clientY - pressed.clientY) : Infinity;
       const corner = canvas.getBoundingClientRect();
-      if (moved <= CLICK_DISTANCE) select(eventAt(event.clientX - corner.left, event.clientY - corner.top));
+      if (moved <= CLICK_DISTANCE) {
+        const place = [event.clientX - corner.left, event.clientY - corner.top], found = eventAt(...place);
+        select(found);
+        if (!found) chooseOpening(openingAt(...place));
+      }
       pressed = null;
     });
     const KEYS = {

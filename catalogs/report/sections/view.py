@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from catalogs.figures import events_figure, style, views
 from catalogs.report.by_opening import step_of_events
-from catalogs.report.evidence import MODEL_LABEL, Evidence, shown_catalogues
+from catalogs.report.evidence import MODEL_LABEL, Evidence, ExcavationRow, shown_catalogues
 from catalogs.report.gallery import Gallery
+from catalogs.report.opening_names import opening_places, responses
 from catalogs.report.text import fixed, plural, whole
 from catalogs.sources.openings import NOTHING
 from catalogs.sources.sizes import log_potency
 from common.event_table import new_catalog
 from common.mine_grid import GridMap
+from common.opening_table import SIDES
 from common.part_centers import part_centers
 
 MAX_CELLS = 200_000  # Of more cells, openings or failed rock are drawn on cells of twice the size.
@@ -114,8 +116,8 @@ def enclosed_volume(vertices: NDArray, triangles: NDArray) -> float:
 
 def section(evidence: Evidence, _: Gallery) -> dict | None:
     """Content of the section on the view: data of the page's script, titles of the catalogues, range of log potency,
-    keys of steps and sizes, colours, whether openings are filled or planned, notes. None for a mine in a plane or
-    without steps."""
+    keys of steps and sizes, colours, whether openings are filled or planned, names of openings, notes. None for a mine
+    in a plane or without steps."""
     shown = shown_catalogues(evidence)
     if int(evidence.grid.attrs["dimension"]) == 2 or not evidence.steps:
         return None
@@ -137,6 +139,7 @@ def section(evidence: Evidence, _: Gallery) -> dict | None:
         "colours": data["colours"],
         "filled": any(one["filled"] != NEVER for one in data["openings"]["parts"]),
         "planned": bool(data["planned"]["parts"]),
+        "openings": sorted(one["name"] for one in data["names"]["openings"]),
         "notes": [note for label, one in catalogues.items() if (note := _left_out(evidence, label, one))],
     }
 
@@ -180,6 +183,7 @@ def view_data(evidence: Evidence, catalogues: Mapping[str, xr.Dataset]) -> dict:
         "planned": _packed_surfaces([one for one in openings if one[0]["step"] == PLANNED], centre),
         "openings": _packed_surfaces([one for one in openings if one[0]["step"] != PLANNED], centre),
         "rock": _packed_surfaces(rock, centre),
+        "names": _packed_names(evidence, centre),
         "catalogues": [_packed_events(evidence, label, one, centre) for label, one in catalogues.items()],
         **({"grid": _in_grid(evidence.mine_grid, centre)} if evidence.mine_grid else {}),
     }
@@ -215,13 +219,7 @@ def step_places(evidence: Evidence) -> dict[str, int]:
 def opening_cells(evidence: Evidence) -> dict[tuple[int, int], CellSet]:
     """Excavated cells by the steps that mine and fill them: PLANNED, NEVER where no step of the run does."""
     grid, place = evidence.grid, step_places(evidence)
-    when = [
-        (
-            PLANNED if row.planned else place.get(row.step, 0),
-            NEVER if row.fill == "none" or row.planned else place.get(row.filled, NEVER),
-        )
-        for row in evidence.excavations
-    ]
+    when = [_mined_and_filled(row, place) for row in evidence.excavations]
     mining, edge, corner = evidence.mining, float(grid.attrs["fine_cell"]), views.domain(grid)[0]
     keys, of_excavation = np.unique(np.array(when).reshape(-1, 2), axis=0, return_inverse=True)
     taken = np.flatnonzero(mining.takes != NOTHING)
@@ -293,6 +291,33 @@ def _packed_surfaces(sets: list[tuple[dict, CellSet]], centre: NDArray) -> dict:
         "vertices": packed(np.rint(np.concatenate(places) * PLACES_PER_EDGE), "int32", 3),
         "triangles": packed(np.concatenate(corners), "int32", 1),
     }
+
+
+def _packed_names(evidence: Evidence, centre: NDArray) -> dict:
+    """The openings that the view may name, the largest first: name, steps, places, and the responses by step."""
+    rows, place, found = evidence.excavations, step_places(evidence), opening_places(evidence)
+    schedule = [_mined_and_filled(rows[index], place) for index, *_ in found]
+    names = [rows[index].name for index, *_ in found]
+    depth, side, closure = responses(evidence.openings, names, list(place))
+    return {
+        "openings": [
+            {"name": name, "step": mined, "filled": filled, "places": len(places), "reach": round(reach, 2)}
+            for name, (mined, filled), (_, places, reach) in zip(names, schedule, found, strict=True)
+        ],
+        "places": packed(np.concatenate([np.zeros((0, 3)), *(one for _, one, _ in found)]) - centre, "float32"),
+        "sides": SIDES,
+        "measured": bool(np.isfinite(depth).any()),
+        "depth": packed(depth, "float32"),
+        "side": packed(side, "int32"),
+        "closure": packed(closure, "float32"),
+    }
+
+
+def _mined_and_filled(row: ExcavationRow, place: Mapping[str, int]) -> tuple[int, int]:
+    """Places of the steps that mine and fill an excavation: PLANNED, NEVER where no step of the run does."""
+    if row.planned:
+        return PLANNED, NEVER
+    return place.get(row.step, 0), NEVER if row.fill == "none" else place.get(row.filled, NEVER)
 
 
 def shown_events(evidence: Evidence, catalog: xr.Dataset) -> NDArray:
