@@ -86,7 +86,7 @@ def write_report(
     """Write the page, which needs nothing else, its figures in the same folder, and the table, atomically.
 
     outcomes: of all plans (plans.layout), that which others are compared with first; shaking, loading: of each of them
-    (shaking.layout, common.loading_table), or none; openings: opening_runs.nc of each of them (common.opening_table), or
+    (shaking.layout, common.loading_table), or none; openings: opening_runs.nc of each of them (common.opening_table) or
     none. Raises InputError for one of another mine, or of other classes.
     """
     every = [PlanSummary(one) for one in outcomes]

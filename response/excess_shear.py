@@ -50,11 +50,12 @@ def find_excess(rock: Rock, plane: ShearPlane, friction_angle: float) -> OnPlane
     own = Plane.of(plane.point, plane.strike, plane.dip)
     offsets, area = disc_points(plane.radius, rock.edge)
     points = own.places(offsets)
-    what, _ = rock.what(points)
+    what, particle = rock.what(points)
     there = np.flatnonzero((what == INTACT) | (what == FAILED))
     found = np.full(len(points), np.nan)
     if len(there):
-        found[there] = excess_shear_stress(fitted_stress(rock, points[there])[0], own.toward, friction_angle)
+        stress, _ = fitted_stress(rock, points[there], particle[there])
+        found[there] = excess_shear_stress(stress, own.toward, friction_angle)
     return _summary(found, points, np.full(len(points), area), at_point=float(found[0]), is_area=True)
 
 
