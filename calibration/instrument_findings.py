@@ -46,7 +46,6 @@ class InstrumentFindings:
     unused: tuple[str, ...]
     widths: dict[str, NDArray]
     intervals: dict[str, NDArray]
-    fit: Fit
 
     @property
     def level(self) -> float:
@@ -99,7 +98,6 @@ def find(fit: Fit, fits: dict[str, Fit], seed: int) -> InstrumentFindings:
         term.unused,
         {name: other.posterior.width_left(INTERVAL_SHARE) for name, other in fits.items()},
         {name: other.posterior.intervals(INTERVAL_SHARE) for name, other in fits.items()},
-        fit,
     )
 
 

@@ -37,6 +37,7 @@ SCALED_FACTOR = 1.0  # Standard deviation of the factor of an instrument that is
 SILENT_ERROR = 3.0  # Error of a reading that says nothing, over the r.m.s. of what runs give there.
 UNKNOWN_ERRORS = np.geomspace(0.01, 1.0, 7)  # Errors that are as probable, over the same, where none is stated.
 ASSUMED_ERROR = 0.1  # Of these, in whose unit scores are made.
+MAX_VALUES = 4_000_000  # Of an array by point, contrast and score.
 MIN_SCORE = 0.3  # R.m.s. of a score over the runs, in errors of a reading, from which on it is predicted.
 
 
@@ -95,7 +96,14 @@ class Instrument:
         of: state and number of the error. By the matrix determinant and inversion lemmas: the covariance is one that is
         the same at all points, and few columns.
         """
-        factor = self.factors[of]
+        parts = -(-scores.shape[0] * self.basis.size // MAX_VALUES)  # an extensometer may have a thousand readings
+        every = np.array_split(np.arange(len(scores)), parts)
+        found = [self._squares(scores[at], variance[at], gain, self.factors[of]) for at in every]
+        squares, half_log_det = (np.concatenate(one) for one in zip(*found, strict=True))
+        return squares, half_log_det
+
+    def _squares(self, scores: NDArray, variance: NDArray, gain: float, factor: NDArray) -> tuple[NDArray, NDArray]:
+        """Results of `squares` at some of the points."""
         basis = solve_triangular(factor, self.basis, lower=True)
         expected = solve_triangular(factor, self.expected(scores).T, lower=True).T
         off = solve_triangular(factor, self.value, lower=True) - expected

@@ -87,7 +87,7 @@ def test_readings_are_the_last_of_each_step_in_the_models_unit(tmp_path):
 
 
 def test_readings_of_a_calibration_are_raw_and_match_the_models_rows(tmp_path):
-    """As read in MPa or mm, from the step `since` on, without an error that is not stated; rows are the model's."""
+    """As read in MPa or mm, from the step `since` on, no error where none is stated; row by row as the model's."""
     pd.DataFrame([("2020-01-10", 0.5), ("2020-02-20", 3.0)], columns=["date", "value"]).to_csv(tmp_path / "c.csv")
     rows = [("2020-01-10", 1.0, 2.0), ("2020-02-20", 1.5, 4.0)]
     pd.DataFrame(rows, columns=["date", "a", "b"]).to_csv(tmp_path / "m.csv")

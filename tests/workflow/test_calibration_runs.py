@@ -242,7 +242,7 @@ def test_calibration_to_instruments_alone(tmp_path):
     assert status == 0, text
     folder = tmp_path / "results/tiny/calibration"
     page = (folder / "report.html").read_text()
-    assert "calibration to readings" in page
+    assert "calibration to the readings" in page
     assert "Instruments</h2>" in page
     assert "Steps: recorded and predicted" not in page
     assert page.count("<img") == 2
