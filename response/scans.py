@@ -65,8 +65,10 @@ def compare_scans(settings: ScanSlice, grid: xr.Dataset, states: Iterable[xr.Dat
         rock = Rock(state, Voids.of(grid, is_mined))
         here = walls.at(np.flatnonzero(is_mined[walls.excavation]))
         here = here.at(np.flatnonzero(standing(rock, here)))
+        modelled = _modelled(rock, here)
         for scan in [one for one in settings.scans if one.step == step]:
-            found = _compare(scan, grid, rock, here, [names.index(name) for name in scan.excavations], is_mined)
+            own_excavations = [names.index(name) for name in scan.excavations]
+            found = _compare(scan, grid, rock, here, modelled, own_excavations, is_mined)
             own = list(_rows(scan, found, rock.edge))
             points.append(_points(found, own, len(rows)))
             rows += own
@@ -89,10 +91,35 @@ def design_solids(grid: xr.Dataset, excavations: Iterable[int]) -> list[Solid]:
     return [Solid(str(one), grid["solid_position"].values, facets[owner == one]) for one in excavations]
 
 
+def _modelled(rock: Rock, walls: Walls) -> dict[str, NDArray]:
+    """What the model shows at all walls with rock behind them: depth, fallen, failed and gone of ScannedWalls."""
+    if not len(walls):
+        return dict.fromkeys(("depth", "fallen", "failed", "gone"), np.empty(0))
+    tree = cKDTree(walls.place)
+    failed_place, failed, _ = rock.failed_volume
+    fallen_place, fallen = rock.fallen_volume
+    gone = np.bincount(nearest_wall(tree, fallen_place), fallen, minlength=len(walls))
+    return {
+        "depth": look_behind(rock, walls, tree).depth,
+        "fallen": fallen_depth(rock, walls),
+        "failed": np.bincount(nearest_wall(tree, failed_place), failed, minlength=len(walls)) + gone,
+        "gone": gone,
+    }
+
+
 def _compare(
-    scan: PlacedScan, grid: xr.Dataset, rock: Rock, walls: Walls, excavations: list[int], is_mined: NDArray
+    scan: PlacedScan,
+    grid: xr.Dataset,
+    rock: Rock,
+    walls: Walls,
+    modelled: dict[str, NDArray],
+    excavations: list[int],
+    is_mined: NDArray,
 ) -> ScannedWalls:
-    """What a scan and the model show at the walls of its excavations; walls: all with rock behind them."""
+    """What a scan and the model show at the walls of its excavations.
+
+    walls: all with rock behind them; modelled: see _modelled; excavations: indices; is_mined (excavation,) bool.
+    """
     design = design_solids(grid, excavations)
     solid = read_scan(scan, design, f"observations.scans.{scan.name}")
     chosen = np.flatnonzero(np.isin(walls.excavation, excavations))
@@ -109,25 +136,17 @@ def _compare(
     through = np.isfinite(opened)
     scanned[through] = opened[through]
     _tell_shift(scan, own, scanned)
-    depth = look_behind(rock, walls, cKDTree(walls.place)).depth[chosen]
     others = design_solids(grid, [one for one in np.flatnonzero(is_mined).tolist() if one not in excavations])
     (over_place, over), (under_place, under) = _differences(solid, design, others, rock)
-    all_of, tree = cKDTree(walls.place), cKDTree(own.place)
-    failed_place, failed, _ = rock.failed_volume
-    fallen_place, fallen = rock.fallen_volume
-
-    def on_own(place: NDArray, volume: NDArray) -> NDArray:
-        """Volumes by the nearest of all walls, (point,) of those of the scan."""
-        return np.bincount(nearest_wall(all_of, place), volume, minlength=len(walls))[chosen]
-
-    gone = on_own(fallen_place, fallen)
+    tree = cKDTree(own.place)
     return ScannedWalls(
-        own, scanned, through, depth, fallen_depth(rock, own),
+        own,
+        scanned,
+        through,
         over=np.bincount(nearest_wall(tree, over_place), over, minlength=count),
         under=np.bincount(nearest_wall(tree, under_place), under, minlength=count),
-        failed=on_own(failed_place, failed) + gone,
-        gone=gone,
-    )  # fmt: skip
+        **{name: values[chosen] for name, values in modelled.items()},
+    )
 
 
 def _first_opening(rock: Rock, walls: Walls, reach: NDArray) -> NDArray:
@@ -154,10 +173,11 @@ def _tell_shift(scan: PlacedScan, walls: Walls, scanned: NDArray) -> None:
         np.sqrt(np.average(distance**2, weights=walls.area[seen])) if len(seen) else 0.0
         for distance in (scanned[seen], scanned[seen] - normal @ shift)
     )
+    east, north, up = (round(float(part), 2) + 0.0 for part in shift)
     if np.linalg.norm(shift) > 2.0 * scan.error and after < MAX_SHIFTED * before:
         logging.warning(
             "%s lies (%.2f, %.2f, %.2f) m from the design, root mean square %.2f m, without this shift %.2f m: check "
-            "its coordinates", scan.name, *(shift.round(2) + 0.0).tolist(), before, after,
+            "its coordinates", scan.name, east, north, up, before, after,
         )  # fmt: skip
 
 

@@ -1,11 +1,14 @@
 """The mean of a measure over a wall, and its interval where neighbouring points are alike.
 
-Points of a wall are no independent samples: an overhang of five metres is seen by hundreds of rays. The wall is divided
-into blocks. Their means are taken as a Gaussian field with covariance s2 exp(-r / l) (Cressie 1993), in
-which the correlation length l and the variance s2 are unknown. Each of some lengths gives the area's mean a Student
-distribution, whose scale follows from the covariances of the blocks; the interval is that of their mixture, weighted by
-the restricted likelihood of each length (Diggle and Ribeiro 2007).
+Points of a wall are no independent samples: an overhang of five metres is seen by hundreds of rays. The wall is
+divided into blocks. Their means are taken as a Gaussian field (Cressie 1993) with a covariance that falls with the
+distance, as exp(-r / l) of rough walls or as (1 + r / l) exp(-r / l) of smoother ones (Matern's class), and of which
+the correlation length l and the variance are not known. Each of some lengths, with each of the two forms, gives the
+area's mean a Student distribution, whose scale follows from the covariances of the blocks. The interval is that of
+their mixture, weighted by the restricted likelihood of each (Diggle and Ribeiro 2007).
 """
+
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +22,7 @@ HALVINGS = 7  # Of a wall into blocks: at most 128 of them.
 POINTS_PER_BLOCK = 4  # Points of a block by which its covariances are found.
 MIN_POINTS = 2
 LENGTHS = np.geomspace(0.005, 0.5, 10)  # Correlation lengths in question, in sizes of the wall.
+SMOOTHNESS = (0.0, 1.0)  # Share of r / l in the covariance: rough and smoother walls.
 ROUND_OFF = 1e-6  # Of a variance, so that matrices of smooth fields can be inverted.
 SMALLEST = 1e-9  # m; values that differ by less do not differ.
 
@@ -69,9 +73,10 @@ def _half_width(means: NDArray, weight: NDArray, place: NDArray, block: NDArray)
     apart = cdist(place[chosen], place[chosen])
     averaging = np.zeros((count, len(chosen)))
     averaging[owner, np.arange(len(chosen))] = 1.0 / taken[owner]
-    likelihood, scale = np.empty(len(LENGTHS)), np.empty(len(LENGTHS))
-    for row, length in enumerate(LENGTHS * np.linalg.norm(np.ptp(place, axis=0))):
-        covariance = averaging @ np.exp(-apart / length) @ averaging.T
+    likelihood, scale = (np.empty(len(LENGTHS) * len(SMOOTHNESS)) for _ in range(2))
+    lengths = LENGTHS * np.linalg.norm(np.ptp(place, axis=0))
+    for row, (length, smooth) in enumerate(product(lengths, SMOOTHNESS)):
+        covariance = averaging @ ((1.0 + smooth * apart / length) * np.exp(-apart / length)) @ averaging.T
         covariance[np.diag_indices(count)] *= 1.0 + ROUND_OFF
         factor = cho_factor(covariance, lower=True)
         ones = cho_solve(factor, np.ones(count))
