@@ -7,8 +7,10 @@ known to half a cell, so the variance of a pair's difference is at least that of
 half a cell: cell^2 / 6.
 
 A difference is none if its mean is smaller than half a cell. Otherwise it is one if its interval, at a level divided by
-the number of openings and plans that are compared (Bonferroni), excludes 0, and else within chance. Of twenty pages of
-equal plans, one at most names an opening. What cells change in a depth is not in the interval.
+the number of comparisons of the page (Bonferroni), excludes 0, and else within chance. Of twenty pages of equal plans,
+one at most names an opening. What cells change in a depth is not in the interval.
+
+Closures are compared in the same way, with a tenth of the larger one in place of half a cell.
 """
 
 from collections.abc import Sequence
@@ -25,21 +27,22 @@ from plans.differences import MIN_RUNS, SIGNIFICANCE
 from plans.layout import LIKE_OWN, PlanSummary
 from plans.sentences import listed_names
 
+SHARE_OF_CLOSURE = 0.1  # Smaller differences of closure are none: cells change a closure by so much.
 MAX_ROWS = 15  # Openings of the table, those with the deepest failure in any plan.
 SHARE_OF_CELL = 0.5  # Smaller differences of depth are none.
-Kind = Literal["none", "chance", "few", "deeper", "shallower"]
+Kind = Literal["none", "chance", "few", "more", "less"]
 VERDICTS: dict[Kind, str] = {
     "none": "none",
     "chance": "difference within chance",
     "few": "too few runs to say",
-    "deeper": "deeper",
-    "shallower": "less deep",
+    "more": "deeper",
+    "less": "less deep",
 }
 
 
 @dataclass(frozen=True)
-class DepthDifference:
-    """Difference of the depth of failure of an opening between two plans, m: mean, its 95 % interval (2,), NaN of fewer
+class OpeningDifference:
+    """Difference of a depth or a closure of an opening between two plans, m: mean, its 95 % interval (2,), NaN of fewer
     than MIN_RUNS pairs, and what it is."""
 
     mean: float
@@ -47,26 +50,26 @@ class DepthDifference:
     kind: Kind
 
 
-def depth_difference(first: NDArray, second: NDArray, cell: float, comparisons: int) -> DepthDifference:
-    """Difference of depths (pair,) m of an opening, second minus first; cell: its edge, m; comparisons: how many are
-    judged at once. Pairs of which one is NaN do not count."""
+def paired_difference(first: NDArray, second: NDArray, resolution: float, comparisons: int) -> OpeningDifference:
+    """Difference of values (pair,) m of an opening, second minus first; each value is known to within the resolution,
+    m; comparisons: how many are judged at once. Pairs of which one is NaN do not count."""
     apart = second - first
     apart = apart[np.isfinite(apart)]
     if not len(apart):
-        return DepthDifference(np.nan, np.full(2, np.nan), "few")
+        return OpeningDifference(np.nan, np.full(2, np.nan), "few")
     mean, interval, judged = float(apart.mean()), np.full(2, np.nan), np.full(2, np.nan)
     if len(apart) >= MIN_RUNS:
-        deviation = np.sqrt(max(float(apart.var(ddof=1)), cell**2 / 6.0) / len(apart))
+        deviation = np.sqrt(max(float(apart.var(ddof=1)), 2.0 * resolution**2 / 3.0) / len(apart))
         interval, judged = (
             mean + deviation * t.isf(level / 2.0, len(apart) - 1) * np.array([-1.0, 1.0])
             for level in (SIGNIFICANCE, SIGNIFICANCE / comparisons)
         )
-    if abs(mean) < SHARE_OF_CELL * cell:
-        return DepthDifference(mean, interval, "none")
+    if abs(mean) < resolution or mean == 0.0:
+        return OpeningDifference(mean, interval, "none")
     if len(apart) < MIN_RUNS:
-        return DepthDifference(mean, interval, "few")
+        return OpeningDifference(mean, interval, "few")
     is_other = judged[0] > 0.0 or judged[1] < 0.0
-    return DepthDifference(mean, interval, ("deeper" if mean > 0.0 else "shallower") if is_other else "chance")
+    return OpeningDifference(mean, interval, ("more" if mean > 0.0 else "less") if is_other else "chance")
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,6 @@ class PlanDepths:
     name: str
     step: str
     cell: float
-    runs: int
     filled: dict[str, bool]
     values: dict[str, dict[str, NDArray]]
 
@@ -94,7 +96,6 @@ class PlanDepths:
             plan.name,
             str(openings.attrs["step"]),
             float(openings.attrs["fine_cell"]),
-            int(stands.sum()),
             {name: bool(filled) for name, filled in zip(names, openings["filled"].values, strict=True)},
             {name: {key: one[:, place] for key, one in columns.items()} for place, name in enumerate(names)},
         )
@@ -118,7 +119,7 @@ class OpeningDepths:
         self.plans = [PlanDepths.of(plan, one) for plan, one in zip(plans, openings, strict=True)]
         self.first = self.plans[0]
         shared = [sum(name in self.first.values for name in plan.values) for plan in self.plans[1:]]
-        self.comparisons = max(1, sum(shared))
+        self.comparisons = max(1, 2 * sum(shared))
 
     @property
     def names(self) -> list[str]:
@@ -133,13 +134,23 @@ class OpeningDepths:
         """The larger of the cells of a plan and of the first one, m."""
         return max(plan.cell, self.first.cell)
 
-    def difference(self, plan: PlanDepths, opening: str) -> DepthDifference | None:
-        """Difference to the first plan at an opening; None where one of them does not mine it."""
+    def difference(self, plan: PlanDepths, opening: str) -> OpeningDifference | None:
+        """Difference of depth to the first plan at an opening; None where one of them does not mine it."""
+        return self._difference(plan, opening, "depth_p90", SHARE_OF_CELL * self.cell(plan))
+
+    def closure(self, plan: PlanDepths, opening: str) -> OpeningDifference | None:
+        """Difference of closure, likewise."""
         if opening not in plan.values or opening not in self.first.values:
             return None
-        both = [one.values[opening]["depth_p90"] for one in (self.first, plan)]
+        largest = max(abs(one.mean(opening, "closure")) for one in (plan, self.first))
+        return self._difference(plan, opening, "closure", SHARE_OF_CLOSURE * largest)
+
+    def _difference(self, plan: PlanDepths, opening: str, column: str, resolution: float) -> OpeningDifference | None:
+        if opening not in plan.values or opening not in self.first.values:
+            return None
+        both = [one.values[opening][column] for one in (self.first, plan)]
         count = min(map(len, both))
-        return depth_difference(both[0][:count], both[1][:count], self.cell(plan), self.comparisons)
+        return paired_difference(both[0][:count], both[1][:count], resolution, self.comparisons)
 
 
 def depth_rows(depths: OpeningDepths) -> list[dict]:
@@ -154,7 +165,7 @@ def depth_rows(depths: OpeningDepths) -> list[dict]:
                 "side": plan.side(opening),
                 "p90": number(plan.mean(opening, "depth_p90"), 2),
                 "largest": _beside(depths, plan, opening, "depth_largest", 1.0, depths.cell(plan) * SHARE_OF_CELL),
-                "closure": _beside(depths, plan, opening, "closure", 1e3),
+                "closure": _closure(depths, plan, opening),
                 "volume": _beside(depths, plan, opening, "failed_volume", 1.0),
                 "difference": DASH,
                 "verdict": "",
@@ -166,11 +177,21 @@ def depth_rows(depths: OpeningDepths) -> list[dict]:
                     ends = " to ".join(_signed(end) for end in difference.interval)
                     row["difference"] += f" ({ends})"
                 row["verdict"] = VERDICTS[difference.kind]
-                row["differs"] = difference.kind in ("deeper", "shallower")
+                row["differs"] = difference.kind in ("more", "less")
             elif plan is not depths.first and opening not in depths.first.values:
                 row["verdict"] = f"not in {depths.first.name}"
             rows.append(row)
     return rows
+
+
+def _closure(depths: OpeningDepths, plan: PlanDepths, opening: str) -> str:
+    """Closure in mm, with its difference to the first plan unless there is none; a star where chance does not explain
+    it."""
+    text = number(1e3 * plan.mean(opening, "closure"), 2)
+    found = depths.closure(plan, opening) if plan is not depths.first else None
+    if found is None or found.kind == "none" or not np.isfinite(found.mean):
+        return text
+    return f"{text} ({_signed(1e3 * found.mean)}){' *' if found.kind in ('more', 'less') else ''}"
 
 
 def _beside(
@@ -213,7 +234,7 @@ def _sentence(depths: OpeningDepths, plan: PlanDepths) -> str:
     """Sentences on one plan beside the first."""
     first, names = depths.first, depths.names
     found = {name: one for name in names if (one := depths.difference(plan, name)) is not None}
-    kinds: tuple[Kind, ...] = ("shallower", "deeper")
+    kinds: tuple[Kind, ...] = ("less", "more")
     clauses = [
         f"{VERDICTS[kind]} at {_named(found, kind)}"
         for kind in kinds
@@ -236,6 +257,14 @@ def _sentence(depths: OpeningDepths, plan: PlanDepths) -> str:
     rest += [f"{plural(count['chance'], 'opening')} by no more than chance explains"] if count["chance"] else []
     if rest:
         parts.append(f"The depth differs at {' and at '.join(rest)}")
+    closures = {name: one for name in names if (one := depths.closure(plan, name)) is not None}
+    closing = [
+        f"{kind} at {_named(closures, kind, 1e3, 'mm')}"
+        for kind in kinds
+        if any(one.kind == kind for one in closures.values())
+    ]
+    if closing:
+        parts.append(f"With {plan.name} walls close {' and '.join(closing)} than with {first.name}")
     for mining, other in ((plan, first), (first, plan)):
         if alone := [name for name in names if name in mining.values and name not in other.values]:
             parts.append(f"Only {mining.name} mines {listed_names(alone)}")
@@ -244,7 +273,7 @@ def _sentence(depths: OpeningDepths, plan: PlanDepths) -> str:
     return f"{'. '.join(parts)}."
 
 
-def _named(found: dict[str, DepthDifference], kind: Kind) -> str:
+def _named(found: dict[str, OpeningDifference], kind: Kind, unit: float = 1.0, name_of_unit: str = "m") -> str:
     """Openings of a kind with their differences, the largest first."""
     own = sorted((name for name in found if found[name].kind == kind), key=lambda name: -abs(found[name].mean))
-    return listed_names([f"{name} ({_signed(found[name].mean)} m)" for name in own])
+    return listed_names([f"{name} ({_signed(unit * found[name].mean)} {name_of_unit})" for name in own])

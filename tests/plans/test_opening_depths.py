@@ -13,10 +13,10 @@ from plans.opening_depths import (
     MAX_ROWS,
     MIN_RUNS,
     OpeningDepths,
-    depth_difference,
     depth_rows,
     depth_section,
     depth_sentences,
+    paired_difference,
 )
 
 CELL = 2.0
@@ -83,7 +83,10 @@ def test_equal_plans_of_other_runs_differ_on_one_page_of_twenty_at_most(scatter)
     count of pages allowed for."""
     generator, mean = np.random.default_rng(2), np.linspace(1.0, 9.0, 12)
     pages = [
-        any(row["differs"] for row in depth_rows(compared(*(drawn_depths(generator, mean, scatter) for _ in range(2)))))
+        any(
+            row["differs"] or "*" in row["closure"]
+            for row in depth_rows(compared(*(drawn_depths(generator, mean, scatter) for _ in range(2))))
+        )
         for _ in range(400)
     ]
     assert np.mean(pages) <= 0.05 + 3.0 * np.sqrt(0.05 * 0.95 / 400)
@@ -97,7 +100,7 @@ def test_a_pillar_that_fails_is_found_and_named_alone():
     for _ in range(200):
         depths = compared(drawn_depths(generator, mean), drawn_depths(generator, worse))
         kinds = [depths.difference(depths.plans[1], f"opening_{number}").kind for number in range(8)]
-        found.append((kinds[2] == "deeper", any(kind in ("deeper", "shallower") for kind in kinds[:2] + kinds[3:])))
+        found.append((kinds[2] == "more", any(kind in ("more", "less") for kind in kinds[:2] + kinds[3:])))
     named, others = np.mean(found, axis=0)
     assert named > 0.9
     assert others <= 0.05 + 3.0 * np.sqrt(0.05 * 0.95 / 200)
@@ -106,8 +109,34 @@ def test_a_pillar_that_fails_is_found_and_named_alone():
     )
     assert sentence == [
         "With plan_1 rock fails deeper at a (+5.0 m) than with plan_0. "
-        "The depth differs at 1 opening by less than half a cell (1.0 m)."
+        "The depth differs at 1 opening by less than half a cell (1.0 m). "
+        "With plan_1 walls close more at a (+5.0 mm) than with plan_0."
     ]
+
+
+def test_closures_are_judged_by_themselves():
+    """As deep in both plans: one opening closes half as much, one by 9 % less, one differs by chance."""
+    alike = dict.fromkeys(("half", "nearly", "scattered"), np.full(5, 4.0))
+    closures = [
+        {
+            "half": np.linspace(0.09, 0.11, 5),
+            "nearly": np.full(5, 0.1),
+            "scattered": np.array([0.2, 0.02, 0.1, 0.01, 0.3]),
+        },
+        {
+            "half": np.linspace(0.04, 0.06, 5),
+            "nearly": np.full(5, 0.091),
+            "scattered": np.array([0.1, 0.1, 0.2, 0.2, 0.3]),
+        },
+    ]
+    plans = [
+        openings_of(alike).assign(closure=(("run", "opening"), np.column_stack(list(one.values())))) for one in closures
+    ]
+    depths = OpeningDepths([summary("a", 5), summary("b", 5)], plans)
+    assert [depths.closure(depths.plans[1], name).kind for name in alike] == ["less", "none", "chance"]
+    assert [row["closure"] for row in depth_rows(depths) if row["plan"] == "b"] == ["50 (−50) *", "91", "180 (+54)"]
+    assert depth_sentences(depths)[0].endswith("With b walls close less at half (−50 mm) than with a.")
+    assert depths.difference(depths.plans[1], "half").kind == "none"
 
 
 def test_the_interval_holds_the_true_difference():
@@ -116,7 +145,7 @@ def test_the_interval_holds_the_true_difference():
     for _ in range(2000):
         pair = 5.0 + generator.normal(0.0, 2.0, 5)
         other = pair + 3.0 + generator.normal(0.0, 1.5, 5)
-        low, high = depth_difference(pair, other, CELL, 10).interval
+        low, high = paired_difference(pair, other, CELL / 2, 10).interval
         inside.append(low <= 3.0 <= high)
     assert np.mean(inside) >= 0.95 - 3.0 * np.sqrt(0.05 * 0.95 / 2000)
 
@@ -130,28 +159,28 @@ def test_the_interval_holds_the_true_difference():
 def test_swapped_plans_and_other_units_say_the_same(pairs, cell, comparisons):
     """The difference turns its sign, its interval is mirrored, the verdict opposite; a scale changes lengths alone."""
     first, second = np.array(pairs).T
-    one, other = depth_difference(first, second, cell, comparisons), depth_difference(second, first, cell, comparisons)
-    opposite = {"deeper": "shallower", "shallower": "deeper"}
+    one, other = (paired_difference(*pair, cell / 2, comparisons) for pair in ((first, second), (second, first)))
+    opposite = {"more": "less", "less": "more"}
     assert other.kind == opposite.get(one.kind, one.kind)
     np.testing.assert_allclose(other.interval, -one.interval[::-1], atol=1e-9)
-    scaled = depth_difference(4.0 * first, 4.0 * second, 4.0 * cell, comparisons)
+    scaled = paired_difference(4.0 * first, 4.0 * second, 2.0 * cell, comparisons)
     assert scaled.kind == one.kind
     assert scaled.mean == pytest.approx(4.0 * one.mean)
     order = np.random.default_rng(0).permutation(len(first))
-    assert depth_difference(first[order], second[order], cell, comparisons).kind == one.kind
+    assert paired_difference(first[order], second[order], cell / 2, comparisons).kind == one.kind
     if np.abs(second - first).max() < cell / 2:
         assert one.kind == "none"
 
 
 def test_a_difference_below_half_a_cell_is_none_however_many_runs_agree():
-    assert depth_difference(np.full(200, 3.0), np.full(200, 3.99), CELL, 1).kind == "none"
-    assert depth_difference(np.full(200, 3.0), np.full(200, 4.01), CELL, 1).kind == "deeper"
+    assert paired_difference(np.full(200, 3.0), np.full(200, 3.99), CELL / 2, 1).kind == "none"
+    assert paired_difference(np.full(200, 3.0), np.full(200, 4.01), CELL / 2, 1).kind == "more"
 
 
 def test_few_runs_say_nothing_of_chance():
     """Four pairs, and a run that does not stand: no interval, no verdict."""
     for count in range(1, MIN_RUNS):
-        found = depth_difference(np.zeros(count), np.full(count, 9.0), CELL, 1)
+        found = paired_difference(np.zeros(count), np.full(count, 9.0), CELL / 2, 1)
         assert found.kind == "few"
         assert np.isnan(found.interval).all()
     plan = [summary("first", 5), summary("other", 5, [True, True, False, True, True])]
@@ -178,7 +207,7 @@ def test_rows_have_means_and_differences_of_each_plan_the_deepest_opening_first(
     stope, extra, drive = rows[1], rows[2], rows[4]
     assert (stope["p90"], stope["largest"], stope["verdict"]) == ("10", "11 (+4.0)", "deeper")
     assert stope["difference"] == "+4.0 (+3.0 to +5.0)"  # t of four degrees, 2 m / sqrt 6 over sqrt 5
-    assert (stope["closure"], stope["volume"]) == ("10 (+4.0)", "1\u202f000 (+400)")
+    assert (stope["closure"], stope["volume"]) == ("10 (+4.0) *", "1\u202f000 (+400)")
     assert extra["verdict"] == "not in plan_0"
     assert (drive["difference"], drive["largest"], drive["verdict"]) == ("–", "3.5", "none")
     assert "Only plan_1 mines extra." in depth_sentences(compared(first, other))[0]
