@@ -12,6 +12,7 @@ from hypothesis import strategies as some
 
 from catalogs.report.opening_names import MAX_PLACES, _spread, opening_places, responses
 from catalogs.report.sections import view
+from catalogs.report.sections.view import by_number
 from common.opening_table import ALL, FIELDS, SIDES
 
 STEPS = ["history", "2019-08", "2019-09"]
@@ -104,3 +105,8 @@ def test_the_page_is_given_names_steps_and_responses(evidence):
     assert data["measured"]
     assert data["sides"] == list(SIDES)
     assert not view.section(evidence, None)["data"]["names"]["measured"]
+
+
+def test_names_are_listed_by_their_numbers():
+    names = ["stope_10", "stope_2", "decline", "2", "10", "stope_2b", ""]
+    assert sorted(names, key=by_number) == ["", "2", "10", "decline", "stope_2", "stope_2b", "stope_10"]

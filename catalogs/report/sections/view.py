@@ -4,6 +4,7 @@ Openings and failed rock are closed surfaces around what cells of one size hold.
 """
 
 import base64
+import re
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -139,9 +140,14 @@ def section(evidence: Evidence, _: Gallery) -> dict | None:
         "colours": data["colours"],
         "filled": any(one["filled"] != NEVER for one in data["openings"]["parts"]),
         "planned": bool(data["planned"]["parts"]),
-        "openings": sorted(one["name"] for one in data["names"]["openings"]),
+        "openings": sorted((one["name"] for one in data["names"]["openings"]), key=by_number),
         "notes": [note for label, one in catalogues.items() if (note := _left_out(evidence, label, one))],
     }
+
+
+def by_number(name: str) -> list[str | int]:
+    """Key that sorts a name before one with a larger number at the same place: stope_2 before stope_10."""
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
 
 
 def _left_out(evidence: Evidence, label: str, catalog: xr.Dataset) -> str:
