@@ -1,5 +1,7 @@
 """How far a scanned void reaches beyond the walls of the design, along their normals."""
 
+from collections.abc import Iterator
+
 import igl
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from mpm_core.geometry.winding import winding_number_of
 
 NUDGE = 1e-5  # m by which rays are moved aside, so that they do not run along edges of facets.
 NOT_ALONG = np.array([0.3, 0.5, 0.7])  # Added to a direction with its axes exchanged: never along the direction.
+LINES_AT_ONCE = 20_000  # Their hits are lists, which take a kilobyte for each line.
 AT_WALL = 1e-3  # m within which a scan and the design are the same.
 MIN_SIGHT = np.sin(np.radians(5.0))  # A surface that lies along a line of sight within this angle closes a shadow.
 
@@ -63,7 +66,7 @@ def entry_behind(solid: Solid, place: NDArray, normal: NDArray) -> NDArray:
     return found
 
 
-def _hits(corners: NDArray, place: NDArray, direction: NDArray) -> list[tuple[NDArray, NDArray]]:
+def _hits(corners: NDArray, place: NDArray, direction: NDArray) -> Iterator[tuple[NDArray, NDArray]]:
     """Of each line through a point, along a unit vector: distances (k,) m from the point to the facets that it meets,
     and these facets (k,). A line that meets two facets in their common edge meets one of them."""
     vertices = np.ascontiguousarray(corners.reshape(-1, 3))
@@ -73,13 +76,12 @@ def _hits(corners: NDArray, place: NDArray, direction: NDArray) -> list[tuple[ND
     before = 1.01 * float(np.linalg.norm(np.ptp(np.concatenate([vertices, place]), axis=0)))
     tree = igl.AABB()
     tree.init(vertices, facets)
-    start = np.ascontiguousarray(place + aside - before * direction)
-    found = []
-    for hits in tree.intersect_ray(vertices, facets, start, np.ascontiguousarray(direction)):
-        facet = np.array([hit[0] for hit in hits], np.int64)
-        distance = np.array([hit[1] for hit in hits], float) - before
-        found.append((distance, facet))
-    return found
+    start = place + aside - before * direction
+    for first in range(0, len(place), LINES_AT_ONCE):
+        some = slice(first, first + LINES_AT_ONCE)
+        ends = (np.ascontiguousarray(part[some]) for part in (start, direction))
+        for hits in tree.intersect_ray(vertices, facets, *ends):
+            yield np.array([hit[1] for hit in hits], float) - before, np.array([hit[0] for hit in hits], np.int64)
 
 
 def _shown(middle: NDArray, facing: NDArray, stations: NDArray | None) -> NDArray:

@@ -6,6 +6,9 @@ import trimesh
 from small_mines import load, rock_of, states_of, with_failed, with_fallen
 
 from common.scan_table import FIELDS, POINT_FIELDS, read_scans
+from mpm_core.geometry.inside import contains
+from mpm_core.geometry.solids import Solid
+from response import scan_rays
 from response.scan_rays import reach_of_void
 from response.scan_settings import ScanSlice
 from response.scans import compare_scans
@@ -280,9 +283,6 @@ def test_rays_agree_with_winding_numbers():
     rng = np.random.default_rng(5)
     mesh = trimesh.creation.icosphere(subdivisions=4, radius=5.0)
     mesh.vertices *= 1.0 + 0.15 * np.sin(3.0 * mesh.vertices[:, :1]) * np.cos(2.0 * mesh.vertices[:, 1:2])
-    from mpm_core.geometry.inside import contains
-    from mpm_core.geometry.solids import Solid
-
     solid = Solid("void", mesh.vertices, mesh.faces)
     normal = rng.normal(size=(300, 3))
     normal /= np.linalg.norm(normal, axis=1)[:, None]
@@ -295,3 +295,14 @@ def test_rays_agree_with_winding_numbers():
     assert (inside == (reach > 0.0)).all()
     assert inside.any()
     assert not inside.all()
+
+
+def test_lines_in_parts_meet_what_they_meet_at_once(monkeypatch):
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=5.0)
+    solid = Solid("void", mesh.vertices, mesh.faces)
+    normal = np.random.default_rng(6).normal(size=(50, 3))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    expected = reach_of_void(solid, 4.0 * normal, normal)
+    monkeypatch.setattr(scan_rays, "LINES_AT_ONCE", 7)
+    np.testing.assert_array_equal(reach_of_void(solid, 4.0 * normal, normal), expected)
+    assert np.isfinite(expected).all()
