@@ -159,6 +159,11 @@ def calibrate_catalogues(
     made = [outputs(runs, steps, cut, places).by_term for runs in (catalogues, fine)]
     instruments = None
     if readings is not None and settings.uses_instruments:
+        if any(MODELLED.name not in one for one in [*catalogues, *fine]):
+            raise InputError(
+                "calibration: a trial has no values at the instruments, as it was made before they counted; delete the "
+                "trials' folders doubled and own, and run again"
+            )
         values, errors = (
             np.array([one[field.name].values for one in [*catalogues, *fine]]) for field in (MODELLED, MODELLED_ERROR)
         )

@@ -90,9 +90,9 @@ class CalibrationTrials:
         return [f"{self.folder.as_posix()}/readings.nc"] if counts else []
 
     @property
-    def checks(self) -> list[str]:
-        """Files without which no trial runs: what is asked of the record, and the readings."""
-        return [*(f"{self.folder.as_posix()}/record.json" for _ in self.record), *self.readings]
+    def record_check(self) -> list[str]:
+        """The file of what is asked of the record, if it counts; readings are checked with the mine."""
+        return [f"{self.folder.as_posix()}/record.json" for _ in self.record]
 
     @property
     def figures(self) -> list[str]:
@@ -232,7 +232,11 @@ class CalibrationTrials:
     def record_slice(self) -> dict:
         """Settings that the check of the record depends on, besides the record."""
         settings = self.settings
-        return {"terms": settings.terms, "complete_above": settings.complete_above, "steps": self._dated_steps()}
+        return {
+            "terms": settings.catalogue_terms,
+            "complete_above": settings.complete_above,
+            "steps": self._dated_steps(),
+        }
 
     def slice_of(self, name: str, cells: str) -> dict:
         """Settings that a trial depends on, those of stage `trial` (workflow/stages/calibration.py)."""

@@ -26,6 +26,7 @@ MARKS = {"start": ["25 m", "35 m", "40 m"], "end": ["25 m", "35 m", "50 m"]}
 READ = {"file": "gap.csv", "units": "mm", "error": "2 mm"}
 CELL = {"name": "cell", "at": ["50 m", "47 m", "57 m"], "axis": {"trend": "90 deg"}}
 READINGS = "date,value\n2019-08-20,470\n2019-08-30,510\n"
+BOTH_TERMS = (["potency", "number"], ["potency", "number", "instruments"])
 WITH_INSTRUMENTS = changed(
     {key: value for key, value in CALIBRATED.items() if key != "record"},
     **{
@@ -69,7 +70,10 @@ def test_trials_read_the_model_where_instruments_with_readings_are(tmp_path):
     """Places alone, so that other readings, errors and zeros leave trials as they are; the fit depends on all."""
     trials = instrument_trials(tmp_path)
     assert (trials.record, trials.readings) == ([], ["results/tiny/calibration/readings.nc"])
-    assert trials.checks == trials.readings
+    assert trials.record_check == []
+    observed = CALIBRATED | {"observations": WITH_INSTRUMENTS["observations"]}
+    asked = (trials_of(changed(observed, **{"calibration.terms": terms}), tmp_path) for terms in BOTH_TERMS)
+    assert len({str(one.record_slice()) for one in asked}) == 1  # a record that is asked again would hold trials back
     assert [path.rpartition("/")[2] for path in trials.figures] == ["pairs.svg", "instruments.svg"]
     slices = trials.slice_of("2", "own")["instruments"]
     assert [one["name"] for one in slices["observations"]["closures"]] == ["gap"]

@@ -55,7 +55,7 @@ rule trial:
             "trial", "{cells}/{trial}", settings=lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells)
         ),
         cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
-        checks=ancient(TRIALS.checks),  # no trial runs for a record or for readings that are refused
+        record=ancient(TRIALS.record_check),  # no trial runs for a record that is refused
     output:
         f"{TRIAL_RESULTS}/{{cells}}/{{trial}}.nc",
     log:
