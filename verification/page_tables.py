@@ -30,9 +30,20 @@ def number(text: str, digits: int = 4) -> str:
     return f"{float(text):.{digits}g}" if text else ""
 
 
+# How a remark states an interval of what was measured.
+INTERVAL = re.compile(r"interval[^;]*? (?P<low>[-+.\de]+) to (?P<high>[-+.\de]+)(?:;|$)")
+
+
+def with_interval(row: dict[str, str]) -> str:
+    """What was measured, with three digits, and in brackets the interval that the row's remark states."""
+    found = INTERVAL.search(row["remark"])
+    return number(row["obtained"], 3) + (f" ({found['low']} to {found['high']})" if found else "")
+
+
 CELL_TEXTS: dict[str, Callable[[dict[str, str]], str]] = {
     "measured": lambda row: number(row["obtained"]),
     "share": lambda row: f"{float(row['obtained']):.3f} ± {float(row['allowed']):.3f}" if row["obtained"] else "",
+    "with interval": with_interval,
     "error": lambda row: number(row["error"], 2),
     "error, %": lambda row: f"{100 * float(row['error']):.2g}" if row["error"] else "",
     "change, %": lambda row: (

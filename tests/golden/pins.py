@@ -31,6 +31,7 @@ PINNED = (
         "source_parameters.nc",
         "openings.nc",
         "openings.csv",
+        "opening_runs.nc",
         "comparison.nc",
         "spread.nc",
         "grid_convergence.nc",

@@ -15,7 +15,7 @@ from common.errors import InputError
 from verification.benchmarks.study import COLUMNS
 from verification.frame import load
 from verification.made import Made, is_older
-from verification.page_tables import Columns, Counts, Cross, Pivot, rows_table
+from verification.page_tables import Columns, Counts, Cross, Pivot, rows_table, with_interval
 from verification.pages import (
     BLOCK,
     FIGURE_WIDTHS,
@@ -334,3 +334,9 @@ def test_columns_on_pages_are_columns_of_their_tables():
                 Cross: lambda table: (*table.by, table.column, table.value),
             }[type(table)](table)
             assert {*names, *getattr(table, "chosen", ())[:1]} <= columns
+
+
+def test_a_cell_shows_the_interval_that_its_remark_states():
+    row = {"obtained": "1.51234", "remark": "gob of 30 MPa, factor 1.12; 95% interval over instruments -1.2 to 2.1e+03"}
+    assert with_interval(row) == "1.51 (-1.2 to 2.1e+03)"
+    assert with_interval(row | {"remark": "9 of 10; interval from the residuals of panel 1"}) == "1.51"

@@ -38,11 +38,16 @@ AS_PANEL_1, UNCHANGED, UNSCALED = "as panel 1", "no change", "mine file, factor 
 AS_IN_MINE_FILE = "brittle", "30"  # Rock, and stiffness of the gob, MPa.
 TABLES = (
     Pivot(
-        "Mean error of the change on panel 1",
-        r"panel 1, (?P<row>\w+ rock, gob of \d+ MPa): mean error, (?P<column>.+)",
-        "measured",
+        "Mean error of the change on panel 1, with its interval over instruments",
+        r"panel 1, (?P<row>[^:]+): mean error, (?P<column>.+)",
+        "with interval",
     ),
-    Pivot("Mean error of the change on panel 2", r"panel 2, (?P<row>[^:]+): mean error, (?P<column>.+)", "measured"),
+    Pivot(
+        "Mean error of the change on panel 2, with its interval over instruments",
+        r"panel 2, (?P<row>[^:]+): mean error, (?P<column>.+)",
+        "with interval",
+    ),
+    Pivot("Factor of each model", r"panel 1, (?P<row>\w+ rock, gob of \d+ MPa): factor, (?P<column>.+)", "measured"),
 )
 
 
@@ -269,10 +274,8 @@ def scores(
     """Rows of both panels. what: quantity and unit."""
     fitted, judged = passed[FITTED], passed[JUDGED]
     models = fit_models(fitted, modelled)
-    rows = [
-        _row(f"panel 1, {one.name}: mean error, {what}", one.misfit, f"factor {one.factor:.3g}; {_interval(one.error)}")
-        for one in models
-    ]
+    rows = [_row(f"panel 1, {one.name}: mean error, {what}", one.misfit, _interval(one.error)) for one in models]
+    rows += [_row(f"panel 1, {one.name}: factor, {what}", one.factor, "") for one in models]
     unchanged = np.where(fitted.compared, np.abs(fitted.change), np.nan)
     rows.append(_row(f"panel 1, {UNCHANGED}: mean error, {what}", float(np.nanmean(unchanged)), _interval(unchanged)))
     rocks = dict.fromkeys(one.rock for one in models)
