@@ -191,6 +191,14 @@ def elastic_energy(model: Model, state: State, volume: np.ndarray) -> float:
     return stored_energy(state.stress, model.insitu, volume, particles.material, model.elastic_constants)
 
 
+def mined_energy(model: Model, state: State, stood: np.ndarray, stays: np.ndarray) -> float:
+    """Elastic energy of what is mined, J (per m in 2-D), as it stood: before rock next to new edges becomes softer.
+
+    stood, stays (particle,): volumes before and after, m3 (m2 in 2-D); fill that is placed counts nothing.
+    """
+    return elastic_energy(model, state, np.maximum(stood - stays, 0.0))
+
+
 @dataclass
 class Balance:
     """Energies at the start of a stage, J (per m in 2-D): of the rock that stays, and of what is mined."""
@@ -200,12 +208,11 @@ class Balance:
     mined: float
 
     @classmethod
-    def at_start(cls, body: EnergyBody, before: float, mined_hourglass: float) -> "Balance":
-        """body: with the volumes that stay; before J: elastic energy of what stood until now; mined_hourglass J: gone
-        with what is mined."""
+    def at_start(cls, body: EnergyBody, mined: float) -> "Balance":
+        """body: with the volumes that stay; mined J: energy that goes with what is mined."""
         stored = elastic_energy(body.model, body.state, body.volume)
         hourglass = float(hourglass_energies(body.state.hourglass_force, body.hourglass).sum())
-        return cls(stored, hourglass, before - stored + mined_hourglass)
+        return cls(stored, hourglass, mined)
 
     def facts(self, body: EnergyBody, target: np.ndarray, moved: np.ndarray) -> dict[str, float | str]:
         """Every term of the balance at the stage's end, J, see BALANCE_EQUATION.

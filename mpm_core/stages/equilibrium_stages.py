@@ -17,7 +17,7 @@ from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import above_strength
 from mpm_core.equilibrium.cascade import run_cascade
 from mpm_core.equilibrium.convergence import History, norm
-from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourglass_energies, nodal_forces
+from mpm_core.equilibrium.energy_balance import Balance, hourglass_energies, mined_energy, nodal_forces
 from mpm_core.equilibrium.increments import overshoot_share
 from mpm_core.equilibrium.scheme import Scheme
 from mpm_core.files.state_datasets import read_grid, state_dataset
@@ -48,8 +48,8 @@ def elastic_stage(scene: Scene, grid: xr.Dataset, failed_state: Path) -> tuple[x
     state = model.virgin_state()
     volume = model.volumes(0)
     scheme = make_scheme(model, state, volume)
-    virgin = elastic_energy(model.at(-1), state, model.particles.full_volume * model.particles.is_rock)
-    balance = Balance.at_start(scheme.body, virgin, 0.0)
+    whole = model.particles.full_volume * model.particles.is_rock
+    balance = Balance.at_start(scheme.body, mined_energy(model.at(-1), state, whole, volume))
     force, strain = external_force(model, 0), boundary_strain(scene, 0)
     reference = load_size(model, force, strain, 0)
     with SolutionMonitor(scene, "elastic", failed_state, lambda: state) as history:

@@ -11,7 +11,7 @@ from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.brittle import Brittle, find_brittle
 from mpm_core.equilibrium.cascade import Ramp
 from mpm_core.equilibrium.convergence import History
-from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourglass_energies, virgin_work
+from mpm_core.equilibrium.energy_balance import Balance, elastic_energy, hourglass_energies, mined_energy, virgin_work
 from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.equilibrium.falls import MAX_FALLS
 from mpm_core.equilibrium.moving_scheme import MovingScheme
@@ -22,7 +22,6 @@ from mpm_core.files.state_datasets import read_grid, read_state, read_unsupporte
 from mpm_core.grid.adjacency import face_neighbors
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.splitting import split, with_leaves
-from mpm_core.kernels.energy_sums import stored_energy
 from mpm_core.model.fallen_rock import coming_loose, mined_volume, part_volumes
 from mpm_core.model.model import Model, held_faces
 from mpm_core.model.occupancy import Unsupported
@@ -215,7 +214,7 @@ class StepCells:
         model = self.ground.model(old.grid, old.body, old.unsupported.and_then(fallen), all_fallen=True)
         volume = model.volumes(self.step)
         release_mined_hourglass(body, volume)
-        follow_walls(old, model, state, body.volume)
+        follow_walls(old, model, state)
         self._move_to(model, old)
         self.falls = True
         self.scheme = make_scheme(model, state, volume)
@@ -252,17 +251,16 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
     model, state = scheme.body.model, scheme.body.state
     lasting = external_force(model, before)
     start = lasting + scheme.body.internal_force()
-    stood, mined_hourglass = elastic_energy(model, state, scheme.body.volume), 0.0
-    mined = model.at(step)
+    mined, gone = model.at(step), 0.0
     volume, target = mined.volumes(step), external_force(mined, step)
     if step > before:
-        mined_hourglass = release_mined_hourglass(scheme.body, volume)
+        gone = mined_energy(model, state, scheme.body.volume, volume) + release_mined_hourglass(scheme.body, volume)
         if mined is model:
             scheme.set_volume(volume)
         else:
             scheme.drop_work_arrays()
             start, lasting = renumber_forces(model, start, mined), renumber_forces(model, lasting, mined)
-            stood += follow_walls(model, mined, state, scheme.body.volume)
+            follow_walls(model, mined, state)
             if len(mined.unheld) > len(model.unheld):
                 logging.warning(
                     "fill lies between walls a cell or two apart that were open before, at %d nodes: it does not hold "
@@ -270,7 +268,7 @@ def begin_step(ground: Ground, previous: xr.Dataset, step: int, history: History
                     len(mined.unheld),
                 )
             model, scheme = mined, make_scheme(mined, state, volume)
-    balance = Balance.at_start(scheme.body, stood, mined_hourglass)
+    balance = Balance.at_start(scheme.body, gone)
     # What the mined rock held up until now: with it nothing moves; it is ramped to what stays for good.
     start -= scheme.body.internal_force()
     more_strain = boundary_strain(scene, step) - boundary_strain(scene, before)
@@ -332,40 +330,35 @@ def on_opened_cells(ground: Ground, previous: xr.Dataset, before: int) -> tuple[
     return make_scheme(model, state, model.volumes(before)), True
 
 
-def follow_walls(old: Model, new: Model, state: State, volume: np.ndarray) -> float:
+def follow_walls(old: Model, new: Model, state: State) -> None:
     """Place and stress of particles that stand for other samples of their cells in a new model than in the old one, or
-    have another stiffness there; the elastic energy that the latter adds to volumes (particle,) m3, J.
+    have another stiffness there.
 
     Intact rock has that of elastic rock which has moved so since virgin; all else keeps its full stress. Nodes of
     their own that walls get are where the one was that they shared.
     """
     renumber_nodes(old, state, new)
     state.position = new.particles.position
-    added = _change_stiffness(old, new, state, volume)
+    _change_stiffness(old, new, state)
     was, now = old.particles.row, new.particles.row
     own = np.flatnonzero((was != now) | (now >= new.particles.shared_rows))  # the others have the same row of a table
     moved = own[(old.slopes[was[own]] != new.slopes[now[own]]).any(axis=(1, 2))]
     state.stress[moved] += old.insitu[moved] - new.insitu[moved]
     intact = moved[(state.failed[moved] < 0) & new.particles.is_rock[moved]]
     state.stress[intact] = elastic_stress(new, state.displacement, intact)
-    return added
 
 
-def _change_stiffness(old: Model, new: Model, state: State, volume: np.ndarray) -> float:
+def _change_stiffness(old: Model, new: Model, state: State) -> None:
     """Stress since virgin and hourglass forces of intact rock at new edges, and of new skins, as if it had had that
-    stiffness from the start; the elastic energy that volumes (particle,) m3 gain by it, J."""
+    stiffness from the start."""
     was, now = old.particles.material, new.particles.material
     moduli = old.elastic_constants[:, 1]
     factor = np.where(state.failed < 0, moduli[now] / moduli[was], 1.0)
-    held = np.where(was != now, volume, 0.0)
-    added = -stored_energy(state.stress, old.insitu, held, was, old.elastic_constants)
     changed = np.flatnonzero(factor != 1.0)
     state.stress[changed] *= factor[changed, None]
-    added += stored_energy(state.stress, old.insitu, held, now, old.elastic_constants)
     first = old.particles.group_start[: len(old.cell_nodes)]
     bending = new.bending_share[first] / old.bending_share[first]
     state.hourglass_force *= np.where(state.failed[first] < 0, factor[first] * bending, 1.0)[:, None, None]
-    return added
 
 
 def release_mined_hourglass(body: Body, volume: np.ndarray) -> float:

@@ -121,3 +121,16 @@ def test_a_grid_that_an_earlier_version_made_is_refused():
     grid = grid_of(([9.0] * 3, [14.0] * 3), plane="xz").drop_vars("edge_point_shares_nodes")
     with pytest.raises(InputError, match=r"grid\.nc was made by an earlier version; run the pipeline from the grid"):
         model_of(grid, "xz")
+
+
+@pytest.mark.parametrize("step", [0, 1])
+@pytest.mark.parametrize("plane", ["xz", None])
+def test_what_is_mined_takes_the_energy_that_it_had_before_edges_became_softer(plane, step, tmp_path):
+    """A box in uniform stress, in the elastic state or in a step: its volume times s : C^-1 : s / 2."""
+    side, modulus, nu = 5.0, HOST["youngs_modulus"], HOST["poisson_ratio"]
+    principal = np.array(STRESS["constant"][:3])
+    density = ((1 + nu) * (principal**2).sum() - nu * principal.sum() ** 2) / (2 * modulus)
+    states = states_of(tmp_path, grid_of(([9.0] * 3, [14.0] * 3), plane=plane), [step], plane, stress=STRESS)
+    facts = states[-1 if step else 0][1]
+    assert facts["energy_mined"] == pytest.approx(side ** (2 if plane else 3) * density, rel=1e-9)
+    assert facts["energy_left_share"] < 1e-9
