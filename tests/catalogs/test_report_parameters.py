@@ -6,6 +6,7 @@ import report_fixtures as fixtures
 from csv_fixtures import read, refused
 
 from catalogs.report.sections import parameters as page
+from catalogs.sources.largest_possible import largest_possible
 from catalogs.sources.source_parameters import parameters
 from common.event_table import RADIATED_ENERGY
 
@@ -115,6 +116,26 @@ def test_an_unbounded_law_is_said_so(evidence):
     full.attrs["potency_floor"] = 1.0
     full["resolved"].values[:] = 1
     assert "With 95 % confidence it is not above" in page.possible("Modelled", full, page.cut_of("Modelled", full))
+
+
+def test_a_recorded_event_beyond_the_modelled_law_is_said(evidence):
+    """Sizes of a law that ends: a record within it is no contradiction, one event beyond its bound is."""
+    model, record = evidence.catalog.copy(deep=True), evidence.record.copy(deep=True)
+    count = model.sizes["event"]
+    model["potency"].values[:] = np.linspace(1.0, 2.0, count)
+    model["resolved"].values[:] = 1
+    model.attrs["potency_floor"] = 1.0
+    bound = largest_possible(np.log10(model["potency"].values), 0.0).upper
+    for beyond, size in ((False, bound - 0.01), (True, bound + 0.01)):
+        record["potency"].values[0] = 10.0**size
+        record["potency"].values[1:] = 1.0
+        found = page.contradicted({"Modelled": model, "Recorded (twin)": record})
+        assert [sentence.startswith("Recorded (twin): its largest event, log P ") for sentence in found] == [
+            True
+        ] * beyond
+    assert page.contradicted({"Recorded (twin)": record}) == []
+    model.attrs["potency_floor"] = np.nan
+    assert page.contradicted({"Modelled": model, "Recorded (twin)": record}) == []
 
 
 def test_only_the_largest_of_many_events_are_declustered(evidence, tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ possible event.
 The template is "parameters.html.j2".
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,10 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
         ],
         "fits": [sentence for label, (values, _, _) in found.items() if (sentence := _fit(label, values))],
         "declustered": declustered(evidence.record, evidence.record_label) if evidence.record is not None else [],
-        "largest": [possible(label, events, cut_of(label, events)) for label, (_, events, _) in found.items()],
+        "largest": [
+            *(possible(label, events, cut_of(label, events)) for label, (_, events, _) in found.items()),
+            *contradicted({label: events for label, (_, events, _) in found.items()}),
+        ],
         "figure": None,
     }
     if any(np.isfinite(values["drop_energy"].values[counted]).any() for values, _, counted in found.values()):
@@ -155,6 +159,27 @@ def possible(label: str, events: xr.Dataset, cut: tuple[float, float]) -> str:
         return f"{start} The sizes do not bound the largest possible event: 95 % intervals of it have no upper end."
     best = f" Estimate of the largest possible one: {told(found.estimate)}." if np.isfinite(found.estimate) else ""
     return f"{start}{best} With 95 % confidence it is not above {told(found.upper)}."
+
+
+def contradicted(catalogues: Mapping[str, xr.Dataset]) -> list[str]:
+    """Sentence on a recorded event that is larger than the model's law of sizes allows for; none where none is."""
+    model = catalogues.get(MODEL_LABEL)
+    if model is None:
+        return []
+    cut = cut_of(MODEL_LABEL, model)
+    sizes = log_potency(model["potency"].values[model["resolved"].values == 1])
+    bound = largest_possible(sizes, *cut).upper if np.isfinite(cut[0]) else np.nan
+    largest = {
+        label: np.nanmax(log_potency(events["potency"].values), initial=-np.inf)
+        for label, events in catalogues.items()
+        if label != MODEL_LABEL
+    }
+    return [
+        f"{label}: its largest event, log P {fixed(size, 2)}, is above what the modelled sizes allow for, so their law "
+        "does not hold for it."
+        for label, size in largest.items()
+        if size > bound
+    ]
 
 
 def draw(found: dict[str, tuple[xr.Dataset, xr.Dataset, NDArray]]) -> Figure:
