@@ -90,15 +90,17 @@ def _line(table: xr.Dataset, place: dict[tuple[str, str], int], name: str, row: 
 
 def worst(evidence: Evidence) -> str:
     """Sentence on the openings in which rock fails deepest after the last step, MAX_WORST at most: the side, its depth
-    and the closure; empty where it fails in no wall."""
-    clauses = []
-    for line in opening_lines(evidence)[:MAX_WORST]:
+    and the closure; empty where it fails in no wall. Openings that are filled count where none stands open."""
+    clauses, lines = [], opening_lines(evidence)
+    open_ones = [line for line in lines if not line.filled]
+    for line in (open_ones or lines)[:MAX_WORST]:
         depths = {side: depth for side, depth in zip(SIDES, line.sides, strict=True) if depth > 0.0}
         if depths:
             side = max(depths, key=lambda one: depths[one])
             closed = f", closure {number(1e3 * line.closure, 2)} mm" if np.isfinite(line.closure) else ""
             clauses.append(f"{line.name}, {side} {number(depths[side], 2)} m{closed}")
-    return f"Rock has failed deepest at {'; '.join(clauses)}." if clauses else ""
+    where = "Of what stands open, rock" if 0 < len(open_ones) < len(lines) else "Rock"
+    return f"{where} has failed deepest at {'; '.join(clauses)}." if clauses else ""
 
 
 def _profiles(evidence: Evidence, names: list[str]) -> Figure | None:
