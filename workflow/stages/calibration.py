@@ -5,8 +5,20 @@ from typing import Any
 from common.job import Job
 from workflow.stages import stage
 
+# What instruments need of `response`, whose other modules use catalogs: a report that is worded anew runs no trial.
+READS_INSTRUMENTS = ("field", "observation_settings", "observations", "readings", "rock", "scan_settings", "settings")
 
-@stage("mpm_core", "seismic", "response", modules=("workflow.run_mine",))
+
+@stage(
+    "mpm_core",
+    "seismic",
+    modules=(
+        "workflow.run_mine",
+        "catalogs.settings",
+        "catalogs.records.times",
+        *(f"response.{module}" for module in READS_INSTRUMENTS),
+    ),
+)
 def trial(job: Job) -> None:
     """a run of the mine with other values of the calibrated quantities"""
     from common.event_table import write_events
