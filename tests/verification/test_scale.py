@@ -102,7 +102,7 @@ def test_the_memory_of_a_tiny_mine_is_told_by_the_lines_that_take_it(tmp_path, m
     assert (table["bytes_per_cell"] >= 0.0).all()
     lines = table[table["file"].str.startswith("mpm_core/")]
     assert lines["code"].str.len().min() > 0
-    assert (lines.groupby("stage")["bytes_per_cell"].sum() > 10.0).all()  # short stages are seen at a few moments only
+    assert (lines.groupby("stage")["bytes_per_cell"].sum() > 1.0).all()  # short stages are seen at a few moments only
 
 
 def test_a_command_that_fails_is_named(tmp_path):
