@@ -14,6 +14,7 @@ from catalogs.report.by_opening import opening_rows
 from catalogs.report.evidence import MODEL_LABEL, Evidence, compared_events, shown_catalogues
 from catalogs.report.gallery import Gallery
 from catalogs.report.look_first import look_first
+from catalogs.report.sections import observations, shaking
 from catalogs.report.sections.openings import worst
 from catalogs.report.sections.steps import StepLine, cut_of, latest_and_largest, step_lines, total
 from catalogs.report.sections.warnings import Advice, Banner, banners
@@ -46,7 +47,9 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "counted": f"of {size_of_cut(evidence)} and more" if lines and np.isfinite(cut_of(evidence)) else "",
         "verdict": verdict(evidence),
         "look_first": look_first(evidence),
-        "deepest": worst(evidence),
+        "facts": " ".join(
+            fact for fact in (worst(evidence), observations.brief(evidence), shaking.brief(evidence)) if fact
+        ),
         "sources": [one for one in uncertain if not np.isnan(one.factor)],
         "unmeasured": [one for one in uncertain if np.isnan(one.factor)],
         "next": next_steps(evidence, [one for one in warnings if one.brief], uncertain),

@@ -67,7 +67,7 @@ def _cells(evidence: Evidence) -> Source:
         return Source(CELLS, np.inf, text, advice, failed, note=note, key=advice.code)
     factor = 1.0 + errors[0]
     thickness = float(evidence.grid_convergence["thickness"].sel(period=ALL_STEPS)[0])
-    text = f"{_within(factor)}: failed rock is {number(thickness, 2)} cells thick"
+    text = f"{_within(factor)}: failed rock is {number(thickness, 2)} cells thick (volume over surface)"
     return Source(CELLS, factor, text, advice, failed, note=note, key=advice.code)
 
 

@@ -18,6 +18,13 @@ from common.datasets import read_dataset, write_dataset
 MILLIMETRE = 96 / 25.4  # px
 STEPS = 14
 NAME = "2019-{:02d} a long name of a step"
+FACTS = (  # as sections on openings, instruments and shaking write them
+    "Of what stands open, rock has failed deepest at stope_1010_north, walls 21 m, closure 60 mm; drive_1010_north, "
+    "floor 14 m (60 to 65 m along it), closure 68 mm; decline_1010, walls 12 m (45 to 50 m along it), closure 69 mm. "
+    "33 % of 24 readings of 11 instruments lie within the errors of model and reading; farthest off: extensometer_12, "
+    "11 mm (r.m.s.). Most is felt by stope_1010_north in 2019-08: with a chance of 10 % a peak ground velocity above "
+    "0.26 m/s. Largest demand on support: drive_1010_north, roof, 71 kJ/m², above every stated capacity."
+)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +77,9 @@ def fullest(mine, tmp_path_factory) -> Path:
     config = fixtures.CONFIG | {"accuracy": "draft", "steps": shown, "excavations": mined}
     made = {name: folder / f"{name}.nc" for name in ("catalog", "comparison", "grid")}
     where = {"output": folder / "report.html", "figures": folder / "figures"}
-    fixtures.write_page(**mine.arguments(config=config, steps=steps, events=events, **made, **where))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(first_page, "worst", lambda evidence: FACTS)
+        fixtures.write_page(**mine.arguments(config=config, steps=steps, events=events, **made, **where))
     return where["output"]
 
 
@@ -165,6 +174,7 @@ def test_the_fullest_page_is_full(browser, fullest):
     assert "Do not use these numbers yet: this is a draft" in said
     assert re.search(r"; \d more\.", said)
     assert first_page.TWIN in said
+    assert FACTS in said
     assert said.count(";") >= first_page.MAX_BRIEF
     assert browser.value("document.querySelectorAll('#first .right p').length") >= 4
     assert verdict.SIGNIFICANCE == 0.05

@@ -1,7 +1,10 @@
 """The sentence of the first page on the openings in which rock fails deepest."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import xarray as xr
 
 from catalogs.report.sections import openings as page
 from catalogs.report.sections.openings import OpeningLine
@@ -38,3 +41,42 @@ def test_openings_that_are_filled_give_way_to_open_ones(worst):
 def test_rock_that_fails_in_no_open_wall_is_not_named(worst):
     assert worst(line("old", 20.0, 9.0, filled=True), line("new", 0.0, 0.0)) == ""
     assert worst() == ""
+
+
+def table(rows: list[tuple], drive: str = "drive") -> SimpleNamespace:
+    """Evidence with a table of a drive: rows (step, side, from, to, depth of nine tenths), chainage in m."""
+    columns = {
+        "excavation": np.array([drive] * len(rows), object),
+        "step": np.array([row[0] for row in rows], object),
+        "side": np.array([row[1] for row in rows], object),
+        "chainage_from": np.array([row[2] for row in rows]),
+        "chainage_to": np.array([row[3] for row in rows]),
+        "depth_p90": np.array([row[4] for row in rows]),
+    }
+    others = (
+        "depth_largest", "failed_volume", "failed_volume_step", "fallen_volume", "closure_median", "major_stress",
+        "major_stress_change", "strength_factor", "through_share", "events_modelled", "events_recorded", "filled",
+    )  # fmt: skip
+    columns |= {name: np.zeros(len(rows)) for name in others}
+    data = xr.Dataset({name: ("row", values) for name, values in columns.items()})
+    return SimpleNamespace(openings=data, steps=[{"step": "a"}, {"step": "b"}])
+
+
+ENDS = [("b", "all", np.nan, np.nan, 4.0), ("b", "roof", np.nan, np.nan, 4.0), ("b", "walls", np.nan, np.nan, 1.0)]
+
+
+def test_a_drive_says_where_along_it_failure_is_deepest():
+    """Neighbouring stretches of the same depth are one; a gap, another side or an earlier step does not count."""
+    roof = [("b", "roof", 5.0 * i, 5.0 * i + 5.0, depth) for i, depth in enumerate([1.0, 4.0, 4.0, 2.0, 4.0])]
+    others = [("a", "roof", 0.0, 5.0, 9.0), ("b", "walls", 0.0, 5.0, 8.0)]
+    for rows in (roof, roof[::-1]):
+        said = page.worst(table([*ENDS, *others, *rows]))
+        assert said == "Rock has failed deepest at drive, roof 4.0 m (5 to 15 m along it), closure 0 mm."
+    apart = [row for row in roof if row[2] != 10.0]
+    assert "5 to 10 m along it" in page.worst(table([*ENDS, *apart]))
+
+
+def test_what_is_no_drive_has_no_chainage():
+    assert page.worst(table(ENDS)) == "Rock has failed deepest at drive, roof 4.0 m, closure 0 mm."
+    sound = [("b", "roof", 0.0, 5.0, 0.0), ("b", "roof", 5.0, 10.0, np.nan)]
+    assert "along it" not in page.worst(table([*ENDS, *sound]))

@@ -305,7 +305,7 @@ def test_sources_stand_by_size_and_those_not_measured_last(known):
     ]  # fmt: skip
     assert [source.factor for source in found] == pytest.approx([3.0, 1.4, 1.25, 1.12, np.nan], nan_ok=True)
     assert "within a factor of 1.4 between 8 equally valid runs" in found[1].text
-    assert "within a factor of 1.2: failed rock is 2.0 cells thick" in found[2].text
+    assert "within a factor of 1.2: failed rock is 2.0 cells thick (volume over surface)" in found[2].text
     bare = sources(replace(known, record=None, comparison=None))
     assert [source.name for source in bare] == [
         "Increments of mining", "Cells", "Chance in the model", "Rock properties and stress",

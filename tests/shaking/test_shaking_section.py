@@ -9,7 +9,7 @@ from shaking_fixtures import catalogue, scattered
 from test_shaking_stage import SUPPORT, shake
 
 from catalogs.report.gallery import Gallery
-from catalogs.report.sections.shaking import MAX_DEMANDS, section, worst_steps
+from catalogs.report.sections.shaking import MAX_DEMANDS, brief, section, worst_steps
 
 MOTION = {"displacement": 200.0, "depth": {"roof": 1.0, "walls": 0.5}}
 
@@ -62,6 +62,23 @@ def test_little_to_say_is_said(gallery):
     unmined = shake(catalogue(*scattered(10)), openings=[])
     assert section(SimpleNamespace(shaking=unmined), gallery)["headline"] == "No opening is mined in these steps."
     assert worst_steps(unmined, 1) == []
+
+
+def test_the_first_page_names_the_largest_demand_beside_the_support():
+    """That of the table's first row, with the weakest class that is stated to bear it."""
+    events = catalogue(*scattered(80))
+    assert brief(SimpleNamespace(shaking=None)) == ""
+    assert brief(SimpleNamespace(shaking=shake(events))).endswith("m/s.")
+    without = brief(SimpleNamespace(shaking=shake(events, ground_motion=MOTION)))
+    assert without.endswith("kJ/m².")
+    strong = [{"name": "mesh", "energy": 1e4, "displacement": 200.0}]
+    assert brief(SimpleNamespace(shaking=shake(events, ground_motion=MOTION, support=strong))) == (
+        f"{without[:-1]}, below the capacity of mesh."
+    )
+    weak = [{"name": "mesh", "energy": 1e-9, "displacement": 200.0}]
+    assert brief(SimpleNamespace(shaking=shake(events, ground_motion=MOTION, support=weak))) == (
+        f"{without[:-1]}, above every stated capacity."
+    )
 
 
 def test_the_page_promises_nothing():

@@ -15,12 +15,14 @@ from catalogs.figures import style
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
 from catalogs.report.scanned_voids import shown_scans
+from catalogs.report.text import number, percent, plural
 
 MAX_PANELS = 12  # Instruments whose curves are drawn.
 MAX_CURVES = 6  # Of an instrument: of its anchors or components.
 COLUMNS = 3
 STATED_AS_95 = 1.96  # A modelled error is half of a 95 % interval.
 LEVEL = 0.95
+MIN_WITHIN = 0.8  # Share of an instrument's readings within both errors under which the first page names it.
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,27 @@ def instrument_line(table: xr.Dataset, name: str) -> InstrumentLine:
     )  # fmt: skip
 
 
+def brief(evidence: Evidence) -> str:
+    """Sentence on how many readings lie within the errors of model and reading, and which instrument is farthest out;
+    empty without readings."""
+    table = evidence.observations
+    if table is None or not table.sizes["row"]:
+        return ""
+    names = list(dict.fromkeys(str(name) for name in table["instrument"].values))
+    lines = [line for line in (instrument_line(table, name) for name in names) if line.readings]
+    stated = [line for line in lines if np.isfinite(line.within)]
+    if not stated:
+        return f"The readings of {plural(len(lines), 'instrument')} have no stated error." if lines else ""
+    count = sum(line.readings for line in stated)
+    inside = sum(line.readings * line.within for line in stated)
+    farthest = min(stated, key=lambda line: line.within)
+    text = f"{percent(inside / count)} of {plural(count, 'reading')} of {plural(len(stated), 'instrument')} lie within"
+    text += " the errors of model and reading"
+    if farthest.within < MIN_WITHIN:
+        text += f"; farthest off: {farthest.name}, {number(farthest.misfit, 2)} {farthest.unit} (r.m.s.)"
+    return f"{text}."
+
+
 def misfit_interval(misfit: float, count: int) -> tuple[float, float]:
     """95 % interval of a root-mean-square misfit of so many readings, if their misfits are normal and independent
     (chi-squared); readings of one instrument seldom are, so it is too narrow rather than too wide. NaN without any."""
@@ -100,10 +123,10 @@ def _curves(evidence: Evidence, names: list[str]) -> Figure:
     for panel, name in zip(panels, names, strict=False):
         own = _of(table, name)
         curves = _curves_of(table, own)
-        for number, (label, chosen) in enumerate(_spread(curves)):
+        for index, (label, chosen) in enumerate(_spread(curves)):
             place = np.array([steps.index(str(step)) for step in table["step"].values[chosen]])
             value, error = table["modelled"].values[chosen], table["modelled_error"].values[chosen]
-            colour = f"C{number}"
+            colour = f"C{index}"
             panel.plot(place, value, color=colour, linewidth=1.2, marker=".", markersize=3, label=label)
             panel.fill_between(place, value - error, value + error, color=colour, alpha=0.15, linewidth=0)
             reading = table["measured"].values[chosen]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from catalogs.figures import style
 from catalogs.report.evidence import Evidence
 from catalogs.report.gallery import Gallery
-from catalogs.report.text import number
+from catalogs.report.text import fixed, number
 from common.opening_table import ALL, ROOF_FROM, SIDES
 
 MAX_DRAWN = 6  # Drives whose profile is drawn: those in which rock fails deepest.
@@ -25,7 +25,10 @@ SIDE_COLOURS = {"roof": "#0072b2", "walls": "#d55e00", "floor": "#009e73"}  # Ok
 @dataclass(frozen=True)
 class OpeningLine:
     """An excavation after the last step: depth of failure (m) that nine tenths of each of SIDES do not exceed, NaN for
-    a side that it does not have, and the columns of the table of openings for all of it."""
+    a side that it does not have, and the columns of the table of openings for all of it.
+
+    deepest_at: chainage (m) of a drive between which the failure of each of SIDES is deepest; None where there is none.
+    """
 
     name: str
     filled: bool
@@ -41,6 +44,7 @@ class OpeningLine:
     through: float
     modelled: int
     recorded: float
+    deepest_at: tuple[tuple[float, float] | None, ...] = (None,) * len(SIDES)
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
@@ -85,20 +89,42 @@ def _line(table: xr.Dataset, place: dict[tuple[str, str], int], name: str, row: 
         name, bool(of("filled")), sides, of("depth_largest"), of("failed_volume"), of("failed_volume_step"),
         of("fallen_volume"), of("closure_median"), of("major_stress"), of("major_stress_change"), of("strength_factor"),
         of("through_share"), int(of("events_modelled")), of("events_recorded"),
+        tuple(_deepest_stretch(table, row, side) for side in SIDES),
     )  # fmt: skip
 
 
+def _deepest_stretch(table: xr.Dataset, row: int, side: str) -> tuple[float, float] | None:
+    """Chainage (m) between which the failure of a side is deepest in the drive and the step of a row, the first such
+    stretch of several; None where the excavation is no drive or the side does not fail."""
+    own = (table["side"].values == side) & np.isfinite(table["chainage_from"].values)
+    for column in ("excavation", "step"):
+        own &= table[column].values == table[column].values[row]
+    if not own.any():
+        return None
+    depths, edges = _stairs(table, np.flatnonzero(own), "depth_p90")
+    deepest = np.nanmax(depths, initial=0.0)
+    if not deepest > 0.0:
+        return None
+    is_deepest = depths == deepest
+    first = int(is_deepest.argmax())
+    end = first + int(np.append(~is_deepest[first:], True).argmax())
+    return float(edges[first]), float(edges[end])
+
+
 def worst(evidence: Evidence) -> str:
-    """Sentence on the openings in which rock fails deepest after the last step, MAX_WORST at most: the side, its depth
-    and the closure; empty where it fails in no wall. Openings that are filled count where none stands open."""
+    """Sentence on the openings in which rock fails deepest after the last step, MAX_WORST at most: the side, its depth,
+    in a drive the chainage at which it is deepest, and the closure; empty where rock fails in no wall. Openings that
+    are filled count where none stands open."""
     clauses, lines = [], opening_lines(evidence)
     open_ones = [line for line in lines if not line.filled]
     for line in (open_ones or lines)[:MAX_WORST]:
         depths = {side: depth for side, depth in zip(SIDES, line.sides, strict=True) if depth > 0.0}
         if depths:
             side = max(depths, key=lambda one: depths[one])
+            stretch = line.deepest_at[SIDES.index(side)]
+            place = f" ({fixed(stretch[0], 0)} to {fixed(stretch[1], 0)} m along it)" if stretch else ""
             closed = f", closure {number(1e3 * line.closure, 2)} mm" if np.isfinite(line.closure) else ""
-            clauses.append(f"{line.name}, {side} {number(depths[side], 2)} m{closed}")
+            clauses.append(f"{line.name}, {side} {number(depths[side], 2)} m{place}{closed}")
     where = "Of what stands open, rock" if 0 < len(open_ones) < len(lines) else "Rock"
     return f"{where} has failed deepest at {'; '.join(clauses)}." if clauses else ""
 

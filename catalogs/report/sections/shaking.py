@@ -23,6 +23,7 @@ MAX_CURVES = 5  # Openings in the figure.
 MAX_DEMANDS = 24  # Rows of demands: the largest.
 CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#4d4d4d")
 SHARE_COLOURS = "Blues"
+NO_CLASS = "none: the demand is above all"
 MIN_SHARE_SHOWN = 0.005  # of all exceedances, in a class of the figure
 
 
@@ -66,6 +67,25 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
             "size and distance of the events, in per cent."
         )
     return content
+
+
+def brief(evidence: Evidence) -> str:
+    """Sentence on the opening that is shaken most, and on the largest demand beside the stated support; empty where no
+    ground motion is asked for."""
+    shaking = evidence.shaking
+    if shaking is None:
+        return ""
+    chosen = len(shaking["chance"]) // 2
+    worst = worst_steps(shaking, chosen)
+    text, demands = _headline(shaking, worst, chosen), _demands(shaking, worst, chosen)
+    if not demands:
+        return text
+    first = demands[0]
+    text += f" Largest demand on support: {first['opening']}, {first['side']}, {first['demand']} kJ/m²"
+    if not first["carried_by"]:
+        return f"{text}."
+    no_class = first["carried_by"] == NO_CLASS
+    return f"{text}, {'above every stated capacity' if no_class else 'below the capacity of ' + first['carried_by']}."
 
 
 def per_cent(chance: float) -> str:
@@ -171,7 +191,7 @@ def _demands(shaking: xr.Dataset, worst: list[tuple[int, int]], chance: int) -> 
                 "interval": between(
                     shaking["demand_interval"].values[at] / 1e3, lambda value, **how: number(value, 2, **how)
                 ),
-                "carried_by": (carried or "none: the demand is above all") if has_support else "",
+                "carried_by": (carried or NO_CLASS) if has_support else "",
             }
         )
     return rows
