@@ -5,13 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from calibration.fit import INTERVAL_SHARE, Fit
 from calibration.instruments import WORKS, Instrument
+from calibration.posterior import Posterior
 from calibration.settings import INSTRUMENTS
 
 MAX_P_VALUE = 0.05  # Of the test of all instruments: each has this over their number.
-CATALOGUE, BOTH = "catalogue alone", "both"  # Names of fits.
+CATALOGUE, ALONE, BOTH = "catalogue alone", "instruments alone", "both"  # Names of fits.
 DRAWS = 2000  # Sets of readings that are made for a p-value.
 FACTORS = (0.77, 1.3)  # Readings over the model, within which no other factor is named.
 
@@ -40,12 +42,16 @@ class Finding:
 @dataclass(frozen=True)
 class InstrumentFindings:
     """Findings of all instruments, names of those without a reading that counts, and widths left (quantity,) by the
-    catalogue alone, by the instruments alone and by both, by name; with intervals (3, quantity)."""
+    catalogue alone, by the instruments alone and by both, by name; with intervals (3, quantity).
+
+    p_same: p-value of the catalogue and all instruments having come from the same values; NaN without both.
+    """
 
     instruments: tuple[Finding, ...]
     unused: tuple[str, ...]
     widths: dict[str, NDArray]
     intervals: dict[str, NDArray]
+    p_same: float
 
     @property
     def level(self) -> float:
@@ -56,10 +62,6 @@ class InstrumentFindings:
         """Instruments that contradict all other data."""
         return [one for one in self.instruments if one.p_rest <= self.level]
 
-    def contradicts_catalogue(self) -> list[Finding]:
-        """Instruments that contradict the catalogue."""
-        return [one for one in self.instruments if one.p_catalogue <= self.level]
-
 
 def by_terms(fit: Fit, seed: int) -> dict[str, Fit]:
     """The fit by the catalogue alone, by the instruments alone and by both; itself alone where no catalogue counts."""
@@ -68,7 +70,7 @@ def by_terms(fit: Fit, seed: int) -> dict[str, Fit]:
         return {INSTRUMENTS: fit}
     return {
         CATALOGUE: fit.with_terms(of_catalogue, seed),
-        "instruments alone": fit.with_terms((INSTRUMENTS,), seed),
+        ALONE: fit.with_terms((INSTRUMENTS,), seed),
         BOTH: fit,
     }
 
@@ -98,7 +100,19 @@ def find(fit: Fit, fits: dict[str, Fit], seed: int) -> InstrumentFindings:
         term.unused,
         {name: other.posterior.width_left(INTERVAL_SHARE) for name, other in fits.items()},
         {name: other.posterior.intervals(INTERVAL_SHARE) for name, other in fits.items()},
+        same_values(fits[CATALOGUE].posterior, fits[ALONE].posterior) if CATALOGUE in fits else np.nan,
     )
+
+
+def same_values(first: Posterior, other: Posterior) -> float:
+    """P-value of two sets of data, independent of each other, having come from the same values.
+
+    It is that of the squared distance of the means of their posteriors by the sum of both covariances (chi-squared,
+    Wald's test). Both have the same prior, which draws them together, so that it is too large if anything.
+    """
+    means, covariances = zip(*(one.moments() for one in (first, other)), strict=True)
+    apart = means[0] - means[1]
+    return float(chi2.sf(apart @ np.linalg.solve(sum(covariances), apart), len(apart)))
 
 
 def _finding(
@@ -157,7 +171,7 @@ def sentences(found: InstrumentFindings) -> list[str]:
     """Instruments that contradict other data, in sentences: warnings of the page."""
     lines = []
     count, level = len(found.instruments), found.level
-    broken, against = found.contradicts_rest(), found.contradicts_catalogue()
+    broken = found.contradicts_rest()
     others = "the catalogue and the other instruments" if BOTH in found.widths else "the other instruments"
     for one in broken:
         lines.append(
@@ -165,14 +179,11 @@ def sentences(found: InstrumentFindings) -> list[str]:
             f"{100 * one.working:.0f} %.{_factor(one)} It hardly counts in the intervals. Look at the instrument, its "
             "units and its zero, and take it out if it is broken."
         )
-    rest = [one for one in against if one not in broken]
-    if rest:
-        share = f"{len(rest)} of {count} instruments" if count > 1 else "The instrument"
-        contradict = "contradict" if len(rest) > 1 else "contradicts"
+    if found.p_same <= MAX_P_VALUE:
         lines.append(
-            f"{share} {contradict} the catalogue ({', '.join(one.name for one in rest)}; p ≤ {level:.2g}): no values "
-            "that fit the recorded events give these readings. Both cannot be right with this model; look at the plan, "
-            "the stress and the completeness of the record before you trust the intervals of both together."
+            f"The catalogue and the instruments want other values (p = {found.p_same:.1g}): those that fit the one do "
+            "not fit the other. Both cannot be right with this model; look at the plan, the stress and the "
+            "completeness of the record before you trust the intervals of both together."
         )
     if 2 * len(broken) > count:
         lines.append(

@@ -9,7 +9,8 @@ factor). A reading's own error is the stated one, or integrated out if none is s
 
 Each instrument is in one of three states, and its density is the mean over them, so that a broken one loses its say:
 it works; it has a wrong factor, unit, sign or zero; or it says nothing of the rock (a mixture for outliers, Box and
-Tiao 1968). In each state the density is a multivariate Student t. Instruments are independent of each other.
+Tiao 1968). In each state the density is a multivariate Student t
+whose scale does not fall below 1 (student.py). Instruments are independent of each other.
 
 What runs give at all readings is reduced to few scores by a singular value decomposition in units of the errors, and
 the surrogate predicts scores (Higdon et al. 2008, doi:10.1198/016214507000000888).
@@ -26,7 +27,7 @@ from scipy.linalg import block_diag, helmert, solve_triangular
 from scipy.special import logsumexp
 from scipy.stats import chi2, norm
 
-from calibration.student import student_density
+from calibration.student import widened_density
 from common.errors import InputError
 
 STATED_AS_95 = 1.96  # A modelled error is half of a 95 % interval.
@@ -140,7 +141,7 @@ class InstrumentTerm:
         for error in range(len(one.errors)):
             for state, share in enumerate(STATE_SHARES):
                 squares, half_log_det = one.squares(scores, variance, self._gain(state), (state, error))
-                density = student_density(squares, half_log_det, len(one.value))
+                density = widened_density(squares, half_log_det, len(one.value))
                 found[:, error, state] = density + np.log(share / len(one.errors))
         return found
 

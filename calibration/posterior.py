@@ -57,6 +57,11 @@ class Posterior:
         lower, upper = shortest_intervals(values, self.weights, share, ends)
         return np.stack([lower, weighted_quantiles(values, self.weights, np.array([0.5]))[0], upper])
 
+    def moments(self) -> tuple[NDArray, NDArray]:
+        """Mean (quantity,) and covariance (quantity, quantity)."""
+        mean = self.weights @ self.points
+        return mean, (self.weights[:, None] * (self.points - mean)).T @ (self.points - mean)
+
     def draws(self, count: int, seed: int) -> NDArray:
         """Points (draw, quantity) drawn at random by their weights."""
         return self.points[self.draws_of(count, seed)]
@@ -95,8 +100,7 @@ def find_posterior(
             best = posterior
         if best.effective >= MIN_EFFECTIVE_POINTS:
             break
-        mean = posterior.weights @ drawn
-        covariance = (posterior.weights[:, None] * (drawn - mean)).T @ (drawn - mean)
+        mean, covariance = posterior.moments()
         covariance = 2.0 * covariance + MIN_VARIANCE * np.eye(quantities)
         drawn, log_density = _draw(mean, covariance, points, seed + round_number)
     return Posterior(best.points, best.weights, least)

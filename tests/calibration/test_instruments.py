@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
-from scipy.stats import kstest, multivariate_t
+from scipy.stats import kstest
 
 from calibration.fit import Rows, calibrate, calibrate_to_trials
-from calibration.instrument_findings import by_terms, find, p_value, sentences
+from calibration.instrument_findings import by_terms, find, p_value, same_values, sentences
 from calibration.instruments import (
     SCALED,
     SCALED_FACTOR,
@@ -21,9 +21,10 @@ from calibration.instruments import (
     instrument_term,
 )
 from calibration.limits import beyond_range
+from calibration.posterior import Posterior
 from calibration.recorded import RecordedOutputs
 from calibration.settings import CalibrationSettings
-from calibration.student import DEGREES_OF_FREEDOM
+from calibration.student import widened_density
 from calibration.tradeoffs import further_points
 from calibration.trials import CellCorrection, Outputs
 from common.errors import InputError
@@ -102,7 +103,7 @@ def test_the_zero_of_an_instrument_changes_nothing():
 
 @pytest.mark.parametrize("zeroed", [True, False])
 def test_densities_are_those_of_whole_covariances(zeroed):
-    """Each state and error against scipy's multivariate t, with the covariance written out."""
+    """Each state and error, with the covariance written out."""
     term, scores = term_of(made_readings(POINTS[3], np.random.default_rng(1)), error=np.nan, zeroed=zeroed)
     one, number = term.instruments[1], 4
     variance = np.random.default_rng(4).uniform(0.01, 0.2, scores.shape)
@@ -129,9 +130,11 @@ def test_densities_are_those_of_whole_covariances(zeroed):
             (SCALED, (MODEL_ERROR**2 + SCALED_FACTOR**2) * np.outer(mean, mean) + offset),
             (SILENT, MODEL_ERROR**2 * np.outer(mean, mean) + (SILENT_ERROR * one.size) ** 2 * np.eye(len(mean))),
         ):
-            shape = (cov + more) * (DEGREES_OF_FREEDOM - 2) / DEGREES_OF_FREEDOM
-            wanted = multivariate_t(mean, shape, DEGREES_OF_FREEDOM).logpdf(one.value)
-            wanted += np.log(STATE_SHARES[state] / len(UNKNOWN_ERRORS))
+            off = one.value - mean
+            squares, half_log_det = off @ np.linalg.solve(cov + more, off), 0.5 * np.linalg.slogdet(cov + more)[1]
+            wanted = widened_density(squares, half_log_det, len(off)) + np.log(
+                STATE_SHARES[state] / len(UNKNOWN_ERRORS)
+            )
             np.testing.assert_allclose(found[number, error, state], wanted, rtol=1e-8)
 
 
@@ -221,6 +224,24 @@ def test_a_broken_instrument_is_called_out_and_hardly_counts(fault):
             assert "times what the model gives there" in line
     assert np.mean(named) >= 0.75
     assert np.sqrt(np.mean(np.array(moved) ** 2)) < 0.25
+
+
+def test_two_sets_of_data_of_the_same_values_agree_as_often_as_they_say():
+    """Normal posteriors inside of the range: p-values of the same values are uniform, others are told apart."""
+    generator = np.random.default_rng(8)
+    factors = np.array([[0.05, 0.0], [0.03, 0.04]]), np.array([[0.02, 0.0], [-0.05, 0.06]])
+    found: dict[float, list] = {0.0: [], 0.4: []}
+    for apart, p_values in found.items():
+        for _ in range(200):
+            ends = []
+            for factor, truth in zip(factors, ([0.5, 0.4], [0.5 + apart, 0.4]), strict=True):
+                middle = np.array(truth) + factor @ generator.standard_normal(2)
+                points = middle + generator.standard_normal((2000, 2)) @ factor.T
+                ends.append(Posterior(points, np.full(2000, 1.0 / 2000), 0.0))
+            p_values.append(same_values(*ends))
+            assert same_values(*ends[::-1]) == pytest.approx(p_values[-1])
+    assert kstest(found[0.0], "uniform").pvalue > 0.01
+    assert np.mean(np.array(found[0.4]) <= 0.05) > 0.95
 
 
 def test_p_values_are_uniform_where_the_posterior_is_not_normal():

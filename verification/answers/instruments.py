@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from calibration.fit import Fit
-from calibration.instrument_findings import BOTH, CATALOGUE, InstrumentFindings, find
-from calibration.settings import INSTRUMENTS, CalibrationSettings
+from calibration.instrument_findings import CATALOGUE, MAX_P_VALUE, by_terms, find
+from calibration.settings import CalibrationSettings
 from calibration.stages import TrialCatalogues, calibrate_catalogues
 from catalogs.figures import style
 from common.observation_table import MODELLED, MODELLED_ERROR, READING_FIELDS
@@ -31,9 +31,10 @@ NUMERICS = ("calibration", "catalogs/compare", "catalogs/sources")  # Folders th
 TABLES = (
     Pivot(
         "Right instruments: share of 95 % intervals that hold the truth, median width over that of the catalogue "
-        "alone, share of pages that call an instrument out",
+        "alone, share of pages that call an instrument out, and that say that catalogue and instruments want other "
+        "values",
         r"right, (?P<row>.+): (?P<column>intervals that hold the truth|width over the catalogue's|pages that call "
-        r"one out)(?: \(.*\))?",
+        r"one out|pages that say other values)(?: \(.*\))?",
         "measured",
     ),
     Pivot(
@@ -108,15 +109,15 @@ class Measured:
     """Results over the records of a case.
 
     held (record, quantity): the 95 % interval holds the truth; width (record, quantity): over that of the catalogue
-    alone, NaN without one; called (record, instrument), by_catalogue (record, instrument): the page says that it
-    contradicts all other data, or the catalogue; shift (record, quantity): of the median by the fault, over the
-    deviation of the posterior without it; NaN without a fault.
+    alone, NaN without one; called (record, instrument): the page says that it contradicts all other data; apart
+    (record,): the page says that catalogue and instruments want other values; shift (record, quantity): of the median
+    by the fault, over the deviation of the posterior without it; NaN without a fault.
     """
 
     held: NDArray
     width: NDArray
     called: NDArray
-    by_catalogue: NDArray
+    apart: NDArray
     shift: NDArray
 
 
@@ -168,24 +169,16 @@ def _note(columns: dict[str, list], fits: list[Fit], truth: NDArray, seed: int) 
     """Note the results of the last fit; the first one has no fault."""
     fit = fits[-1]
     low, middle, high = fit.posterior.intervals(0.95)
-    of_catalogue = tuple(one for one in fit.likelihood.terms if one != INSTRUMENTS)
-    fits_by_terms = {CATALOGUE: fit.with_terms(of_catalogue, seed)} if of_catalogue else {}
-    found = find(fit, fits_by_terms | {BOTH: fit}, seed)
+    found = find(fit, by_terms(fit, seed), seed)
     columns["held"].append((low <= truth) & (truth <= high))
     alone = found.widths.get(CATALOGUE, np.full(len(truth), np.nan))
     columns["width"].append(fit.posterior.width_left() / alone)
-    columns["called"].append(_named(found, found.contradicts_rest()))
-    columns["by_catalogue"].append(_named(found, found.contradicts_catalogue()))
+    named = [one.name for one in found.contradicts_rest()]
+    columns["called"].append([one.name in named for one in found.instruments])
+    columns["apart"].append(found.p_same <= MAX_P_VALUE)
     right = fits[0].posterior
-    mean = right.weights @ right.points
-    deviation = np.sqrt(right.weights @ (right.points - mean) ** 2)
-    shift = (middle - right.intervals(0.95)[1]) / deviation
+    shift = (middle - right.intervals(0.95)[1]) / np.sqrt(np.diag(right.moments()[1]))
     columns["shift"].append(shift if len(fits) > 1 else np.full(len(truth), np.nan))
-
-
-def _named(found: InstrumentFindings, chosen: list) -> list[bool]:
-    names = [one.name for one in chosen]
-    return [one.name in names for one in found.instruments]
 
 
 def readings(scene: Scene, truth: NDArray, case: dict, generator: np.random.Generator) -> xr.Dataset:
@@ -239,7 +232,12 @@ def _right_rows(name: str, found: Measured, allowed: dict) -> list[Row]:
         rows.append(Row(quantity, np.nan, width, max(0.0, width - bound), 0.0, f"median of {count} intervals"))
     alarms, share = allowed["false_alarms"], float(found.called.any(axis=1).mean())
     quantity = f"{name}: pages that call one out (error: above {alarms:g})"
-    return [*rows, share_at_most(quantity, 0.0, share, alarms, records, "pages")]
+    rows.append(share_at_most(quantity, 0.0, share, alarms, records, "pages"))
+    if np.isfinite(found.width).all():
+        share = float(found.apart.mean())
+        quantity = f"{name}: pages that say other values (error: above {alarms:g})"
+        rows.append(share_at_most(quantity, 0.0, share, alarms, records, "pages"))
+    return rows
 
 
 def _coverage_row(name: str, found: Measured, least: float, most: float) -> Row:
@@ -269,9 +267,9 @@ def _broken_rows(name: str, number: int, found: Measured, allowed: dict) -> list
 
 
 def _apart_rows(found: Measured, allowed: dict) -> list[Row]:
-    least, share = allowed["called_out"], float(found.by_catalogue.any(axis=1).mean())
+    least, share = allowed["called_out"], float(found.apart.mean())
     quantity = f"readings of other values than the record: pages that say so (error: short of {least:g})"
-    return [share_at_least(quantity, 1.0, share, least, len(found.held), "pages")]
+    return [share_at_least(quantity, 1.0, share, least, len(found.apart), "pages")]
 
 
 def _draw(found: dict[str, Measured]) -> Figure:
