@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from calibration.fit import INTERVAL_SHARE, Fit
 from calibration.instruments import WORKS, Instrument
-from calibration.posterior import Posterior
+from calibration.posterior import Posterior, normalized
 from calibration.settings import INSTRUMENTS
 
 MAX_P_VALUE = 0.05  # Of the test of all instruments: each has this over their number.
@@ -86,8 +86,7 @@ def find(fit: Fit, fits: dict[str, Fit], seed: int) -> InstrumentFindings:
     findings = []
     for number, (one, error) in enumerate(zip(term.instruments, errors, strict=True)):
         generator = np.random.default_rng([seed, number])
-        rest = weights * np.exp(density[:, number].min() - density[:, number])
-        rest /= rest.sum()
+        rest = normalized(fit.posterior.log_weights - density[:, number])
         known = one, error, term.model_error, generator
         of_rest, of_record = p_value(*known, scores, variance, rest), np.nan
         if catalogue is not None:
@@ -172,10 +171,11 @@ def sentences(found: InstrumentFindings) -> list[str]:
     lines = []
     count, level = len(found.instruments), found.level
     broken = found.contradicts_rest()
-    others = "the catalogue and the other instruments" if BOTH in found.widths else "the other instruments"
+    others = [*["the catalogue"] * (BOTH in found.widths), *["the other instruments"] * (count > 1)]
+    rest = " and ".join(others) or "all values within the ranges"
     for one in broken:
         lines.append(
-            f"Instrument {one.name} contradicts {others} (p ≤ {level:.2g}); it works with a probability of "
+            f"Instrument {one.name} contradicts {rest} (p ≤ {level:.2g}); it works with a probability of "
             f"{100 * one.working:.0f} %.{_factor(one)} It hardly counts in the intervals. Look at the instrument, its "
             "units and its zero, and take it out if it is broken."
         )
@@ -185,7 +185,7 @@ def sentences(found: InstrumentFindings) -> list[str]:
             "not fit the other. Both cannot be right with this model; look at the plan, the stress and the "
             "completeness of the record before you trust the intervals of both together."
         )
-    if 2 * len(broken) > count:
+    if 2 * len(broken) > count > 1:
         lines.append(
             f"{len(broken)} of {count} instruments contradict the rest. So many are seldom broken: look for what the "
             "model lacks. The intervals mean little."

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +29,21 @@ def sobol_points(count: int, quantities: int, seed: int) -> NDArray:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Points (point, quantity) in the unit cube of the prior, with weights (point,) that sum to one.
+    """Points (point, quantity) in the unit cube of the prior, with the logarithms of their weights (point,), but for a
+    constant.
 
     implausibility: the smallest of all points, of the prior's whole cube. effective: how many equal weights these are
     worth (Kish).
     """
 
     points: NDArray
-    weights: NDArray
+    log_weights: NDArray
     implausibility: float
+
+    @cached_property
+    def weights(self) -> NDArray:
+        """Weights (point,) that sum to one."""
+        return normalized(self.log_weights)
 
     @property
     def effective(self) -> float:
@@ -93,9 +100,7 @@ def find_posterior(
         drawn, log_density = drawn[inside], log_density[inside]
         log_likelihood, implausible = evaluate(drawn)
         least = min(least, float(implausible.min()))
-        log_weight = log_likelihood - log_density
-        weights = np.exp(log_weight - log_weight.max())
-        posterior = Posterior(drawn, weights / weights.sum(), least)
+        posterior = Posterior(drawn, log_likelihood - log_density, least)
         if not best.effective > posterior.effective:  # also in the first round
             best = posterior
         if best.effective >= MIN_EFFECTIVE_POINTS:
@@ -103,7 +108,13 @@ def find_posterior(
         mean, covariance = posterior.moments()
         covariance = 2.0 * covariance + MIN_VARIANCE * np.eye(quantities)
         drawn, log_density = _draw(mean, covariance, points, seed + round_number)
-    return Posterior(best.points, best.weights, least)
+    return Posterior(best.points, best.log_weights, least)
+
+
+def normalized(log_weights: NDArray) -> NDArray:
+    """Weights (point,) that sum to one, of logarithms that may be far below those of the smallest float."""
+    weights = np.exp(log_weights - log_weights.max())
+    return weights / weights.sum()
 
 
 def _draw(mean: NDArray, covariance: NDArray, points: int, seed: int) -> tuple[NDArray, NDArray]:

@@ -8,6 +8,7 @@ from calibration.posterior import (
     MIN_EFFECTIVE_POINTS,
     Posterior,
     find_posterior,
+    normalized,
     shortest_intervals,
     sobol_points,
     weighted_quantiles,
@@ -55,13 +56,22 @@ def test_intervals_hold_truths_near_an_end_as_often_as_elsewhere():
         held, held_by_tails = [], []
         for truth in truths:
             weights = norm.pdf(points[:, 0], truth + 0.15 * generator.standard_normal(), 0.15)
-            posterior = Posterior(points, weights / weights.sum(), 0.0)
+            posterior = Posterior(points, np.log(weights), 0.0)
             low, _, high = posterior.intervals(0.95)[:, 0]
             start, end = posterior.quantiles(np.array([0.025, 0.975]))[:, 0]
             held.append(low <= truth <= high)
             held_by_tails.append(start <= truth <= end)
         assert 0.93 <= np.mean(held) <= 0.98
     assert np.mean(held_by_tails) < 0.92
+
+
+def test_weights_below_the_smallest_float_are_told_apart():
+    """A thousand readings of one instrument span more logarithms than floats have; without them a point may count that
+    has no weight with them."""
+    posterior = Posterior(np.zeros((3, 1)), np.array([-3000.0, -3001.0, -4600.0]), 0.0)
+    np.testing.assert_allclose(posterior.weights, np.array([1.0, np.exp(-1.0), 0.0]) / (1.0 + np.exp(-1.0)))
+    without = normalized(posterior.log_weights - np.array([900.0, 900.0, -750.0]))
+    np.testing.assert_allclose(without, [0.0, 0.0, 1.0], atol=1e-12)
 
 
 def test_an_interval_of_values_without_known_ends_lies_within_them():
