@@ -37,6 +37,7 @@ from catalogs.compare.face import Face
 from catalogs.compare.locations import location_errors
 from catalogs.sources.jackknife import effective_blocks
 from catalogs.sources.sizes import log_potency
+from common.errors import InputError
 
 MEASURES = ("metres", "days")  # A rate is a number of events per one of these.
 
@@ -173,6 +174,11 @@ def compare_with_months(
     if settings.complete_above is not None:
         cut = float(np.log10(settings.complete_above))
         used, cluster = _recorded_from(models.record, exposure, cut)
+        if not used.any():
+            raise InputError(
+                f"baselines.complete_above: no recorded event of the dated steps has {settings.complete_above:g} m3 or "
+                "more; give a smaller one"
+            )
     counted = (earlier["resolved"].values == 1) & (log_potency(earlier["potency"].values) >= cut)
     common = common_period(earlier) if settings.since else None
     face = Face.of(settings.comparison.face) if settings.comparison.face else None

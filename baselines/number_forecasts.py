@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from baselines.map_scores import Estimate, Variance
 from baselines.month_maps import Periods, Places
-from baselines.rate_law import MIN_PERIODS, NumberForecast, RateLaw, control_forecasts
+from baselines.rate_law import MIN_PERIODS, PRIOR_EVENTS, NumberForecast, RateLaw, control_forecasts
 from catalogs.compare.blocks import cluster_labels
 from catalogs.compare.exposure import DAY, Exposure
 from catalogs.compare.face import Face
@@ -119,21 +119,24 @@ def control_rules(recorded: RecordedSteps, face: Face | None, periods: Periods) 
     }
 
 
-def expected_by_rule(label: str, number: NDArray, amount: NDArray) -> tuple[NDArray, NDArray]:
-    """Number that a rule expects of each step (step,), NaN without an earlier amount, and how much more its variance is
-    by that of the earlier number.
+def expected_by_rule(label: str, number: NDArray, amount: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Number that a rule states of each step (step,), NaN without an earlier amount; the mean of what may come; and how
+    much more its variance is by that of the earlier number.
 
-    A rule of the last step takes the last one that has an amount: metres say nothing after a step without any.
+    A rule of the last step takes the last one that has an amount: metres say nothing after a step without any. What may
+    come is as after half an event more (PRIOR_EVENTS, which laws have, too): a step without events does not make the
+    next ones impossible.
     """
     is_last = label.startswith("last")
-    expected, spread = np.full((2, len(number)), np.nan)
+    stated, expected, spread = np.full((3, len(number)), np.nan)
     for step in range(1, len(number)):
         having = np.flatnonzero(amount[:step] > 0.0)[-1:] if is_last else np.arange(step)
         earlier, amounts = number[having].sum(), amount[having].sum()
         if amounts > 0.0:
-            expected[step] = earlier * amount[step] / amounts
+            stated[step] = earlier * amount[step] / amounts
+            expected[step] = (earlier + PRIOR_EVENTS) * amount[step] / amounts
             spread[step] = 1.0 + amount[step] / amounts
-    return expected, spread
+    return stated, expected, spread
 
 
 @dataclass(frozen=True)
@@ -168,9 +171,12 @@ class NumberScores:
         return np.array(found).reshape(-1, 2) * self.unit[:, None]
 
     def errors(self, label: str, steps: NDArray) -> NDArray:
-        """ln of the forecast over what came, half an event added to either, for some steps (step,) bool."""
-        expected = np.array([one.value for one, own in zip(self.forecasts[label], steps, strict=True) if own and one])
-        return np.log((expected + 0.5) / (self.number[steps] + 0.5))
+        """ln of the forecast over what came, half an event added to either, for those of some steps (step,) bool that
+        have a forecast."""
+        known = zip(self.forecasts[label], self.number, steps, strict=True)
+        pairs = [(one.value, value) for one, value, own in known if own and one is not None]
+        expected, number = np.array(pairs, float).reshape(-1, 2).T
+        return np.log((expected + 0.5) / (number + 0.5))
 
     def misses(self, label: str, steps: NDArray) -> tuple[float, NDArray]:
         """Root mean square of `errors` and its 95 % interval (2,), for some steps (step,) bool.
@@ -278,11 +284,11 @@ def _scored(
             weights[label][step] = np.exp(log - scipy.special.logsumexp(logs))
     own = np.array([numbers(step)[step] for step in range(count)])
     for label, amount in rules.items():
-        expected, spread = np.full((2, count), np.nan)
+        found_by_rule = np.full((3, count), np.nan)
         for step in range(count):
-            values = expected_by_rule(label, numbers(step), amount)
-            expected[step], spread[step] = (one[step] for one in values)
-        forecasts[label] = control_forecasts(own, expected, spread, dispersion)
+            found_by_rule[:, step] = [one[step] for one in expected_by_rule(label, numbers(step), amount)]
+        stated, expected, spread = found_by_rule
+        forecasts[label] = control_forecasts(own, stated, expected, spread, dispersion)
     known = recorded.days > 0.0
     kept = {
         label: [one if is_known else None for one, is_known in zip(row, known, strict=True)]

@@ -276,17 +276,18 @@ def _moments(shape: NDArray, rate: NDArray, unit: NDArray, dispersion: NDArray) 
 
 
 def control_forecasts(
-    number: NDArray, expected: NDArray, spread: NDArray, dispersion: NDArray
+    number: NDArray, stated: NDArray, expected: NDArray, spread: NDArray, dispersion: NDArray
 ) -> list[NumberForecast | None]:
     """Forecasts of the number of each period (period,) by another rule; None where it expects no number.
 
-    expected: by the rule, NaN where it says none; spread: variance over the dispersion index times the expected number,
-    which the rule's own counts add to; dispersion (period, 2): bounds of the dispersion index by the periods before.
+    stated: by the rule, NaN where it says none; expected: mean of what may come; spread: variance over the dispersion
+    index times the expected number, which the rule's own counts add to; dispersion (period, 2): bounds of the index by
+    the periods before.
     The scatter of the rule about what it expects is learnt from its own earlier periods, as that of a law is.
     """
     found: list[NumberForecast | None] = []
     seen = np.zeros((len(DEVIATIONS), INDICES))
-    for value, mean, factor, bounds in zip(number, expected, spread, dispersion, strict=True):
+    for value, said, mean, factor, bounds in zip(number, stated, expected, spread, dispersion, strict=True):
         if not np.isfinite(mean):
             found.append(None)
             continue
@@ -294,7 +295,7 @@ def control_forecasts(
         means = np.full(seen.shape, mean)
         variance = index * mean * factor + mean**2 * SCATTERS
         log_weight = np.log(_deviation_prior()[:, None] * index_prior(index)) + seen
-        found.append(NumberForecast.of(means, variance, log_weight, float(mean)))
+        found.append(NumberForecast.of(means, variance, log_weight, float(said)))
         if mean > 0.0:
             seen = seen + log_probability(value, means, variance)
     return found

@@ -105,7 +105,7 @@ def make_outcome(
         "shared_floor": shared,
         "shear_modulus": settings.shear_modulus,
         "differs_in": json.dumps(list(settings.differs_in)),
-        "recorded_until": str(until)[:19] if until is not None else "",
+        "recorded_until": str(until) if until is not None else "",
         RATE_BY_MEASURES: rate,
         "steps_ahead": json.dumps([step.name for step, one in zip(steps, ahead, strict=True) if one]),
     } | attributes

@@ -235,6 +235,8 @@ class RecordedStep:
         self.size, self.location = size[inside], record["location"].values[inside]
         self.potency = record["potency"].values[inside]
         self.size_before, self.location_before = size[before], record["location"].values[before]
+        # The same for all forecasts of the step: events of its own would widen the box of a forecast.
+        self.box_places = record["location"].values[counted & (time < end)]
         self.error = np.hypot(location_errors(record)[inside], float(grid.attrs["fine_cell"])) / np.sqrt(3.0)
         self.days = float((end - start) / DAY)
         self.days_before = _days_before(record, until)
@@ -254,13 +256,22 @@ class RecordedStep:
         return {"recorded": recorded, "place": np.where(known, place, np.nan), "inside": inside.astype(np.int8)}
 
     def gain(self) -> float:
-        """Mean information gain of the recorded places, nats per event; NaN without an event."""
+        """Information gain of the recorded places, nats per event: the mean of the runs, each a map of its own, over
+        uniform events in the box of the record; NaN without an event."""
         if not len(self.location):
             return np.nan
         own = self.forecast["event_step"].values == self.number
-        events = self.forecast["event_location"].values[own]
-        box = box_around(self.location, events, margin=BOX_MARGIN * float(self.error.max()))
-        return float(information_gain(self.location, events, self.error, box).mean())
+        events, run = (self.forecast[name].values[own] for name in ("event_location", "event_run"))
+        box = box_around(self.box_places, margin=BOX_MARGIN * float(self.error.max()))
+        gains = [
+            information_gain(self.location, events[run == one], self.error, box).mean() for one in self.counted_runs
+        ]
+        return float(np.mean(gains))
+
+    @property
+    def counted_runs(self) -> NDArray:
+        """Numbers of the forecast's runs whose events count."""
+        return np.flatnonzero(np.isfinite(self.forecast["number"].values[:, 0, 0]))
 
     def chances(self, row: int) -> list[ForecastChance]:
         """Forecast probabilities of this step, each with its outcome; row: number of the row of this step.

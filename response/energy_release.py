@@ -127,7 +127,7 @@ def unload(
     else:
         moved = moved - np.nan_to_num(wall_displacement(before, walls))
         what, particle = before.what(walls.place - 0.5 * STEP * after.edge * walls.normal)
-        was_rock = (what == INTACT) | (what == FAILED)
+        was_rock = ((what == INTACT) | (what == FAILED)) & (particle >= 0)  # no particle: rock that has fallen
         stress = np.zeros((len(walls), 6))
         stress[was_rock] = fitted_stress(before, walls.place[was_rock], particle[was_rock])[0]
     if filled.any():

@@ -51,7 +51,7 @@ def find_excess(rock: Rock, plane: ShearPlane, friction_angle: float) -> OnPlane
     offsets, area = disc_points(plane.radius, rock.edge)
     points = own.places(offsets)
     what, particle = rock.what(points)
-    there = np.flatnonzero((what == INTACT) | (what == FAILED))
+    there = np.flatnonzero(((what == INTACT) | (what == FAILED)) & (particle >= 0))  # no particle: rock that has fallen
     found = np.full(len(points), np.nan)
     if len(there):
         stress, _ = fitted_stress(rock, points[there], particle[there])

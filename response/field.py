@@ -40,6 +40,12 @@ class Values:
     failed: NDArray
     what: NDArray
 
+    @classmethod
+    def unknown(cls, count: int) -> "Values":
+        """Of so many points nothing is known."""
+        one, three, six = (np.full((count, *shape), np.nan) for shape in ((), (3,), (6,)))
+        return cls(six, one, three, one, one, np.zeros(count, bool), np.full(count, OUTSIDE))
+
 
 def values_at(rock: Rock, points: NDArray) -> Values:
     """Fields at points (n, xyz) m."""

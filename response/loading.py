@@ -23,7 +23,7 @@ from response.energy_release import Balance, mined_rock, plastic_work_density, u
 from response.excess_shear import find_excess
 from response.loading_settings import ENERGY, PLASTIC, SHEAR, STIFFNESS, LoadingSettings, LoadingSlice
 from response.rock import VARIABLES as ROCK_VARIABLES
-from response.rock import Rock, Voids, axes_of
+from response.rock import Rock, Voids, axes_of, is_computed
 from response.wall_rays import standing
 from response.walls import Walls, sample_walls
 
@@ -43,7 +43,8 @@ def read_and_measure(settings: LoadingSlice, grid: Path, elastic: Path, states: 
 def loading_table(
     settings: LoadingSlice, grid: xr.Dataset, elastic: xr.Dataset, states: Iterable[xr.Dataset]
 ) -> xr.Dataset:
-    """The table of loading measures. elastic: the elastic history; states: of the steps, in order."""
+    """The table of loading measures of steps that are computed. elastic: the elastic history; states: of the steps, in
+    order."""
     names = json.loads(grid.attrs["excavation_names"])
     entries = {entry.name: entry for entry in settings.excavations}
     place = {name: number for number, name in enumerate(settings.steps)}
@@ -58,6 +59,8 @@ def loading_table(
     wanted, before = settings.loading_measures.wanted, Rock(elastic, Voids.of(grid, mined < -1))
     rows: list[Row] = []
     for number, (step, state) in enumerate(zip(settings.steps, states, strict=True)):
+        if not is_computed(state):
+            break  # nor are those after it
         rock = Rock(state, Voids.of(grid, (mined >= 0) & (mined <= number)))
         here = walls.at(np.flatnonzero(mined[walls.excavation] <= number))
         here = here.at(np.flatnonzero(standing(rock, here)))
@@ -79,7 +82,10 @@ def loading_table(
             of_step["energy_released"] = (gone.energy.sum() + balance.released) / MEGA
         if PLASTIC in wanted:
             of_opening |= _plastic(state, here, balance.plastic, len(names))
-            of_step["plastic_work"] = balance.plastic / MEGA
+            of_step |= {
+                "plastic_work": balance.plastic / MEGA,
+                "plastic_volume": _densest_volume(*_plastic_rock(state)[1:]),
+            }
         if STIFFNESS in wanted:
             of_opening |= {"area": area, "work": work, "square": square}
         whole = {key: float(column.sum()) for key, column in of_opening.items()} | of_step
@@ -121,20 +127,30 @@ def thicknesses(grid: xr.Dataset, mined: NDArray) -> NDArray:
 def _plastic(state: xr.Dataset, walls: Walls, total: float, count: int) -> dict[str, NDArray]:
     """Plastic work (excavation,) MJ of a step by the nearest wall, and the volume (excavation,) m3 of the rock in which
     most of it is done. total: J, what the step dissipates."""
-    density, volume = plastic_work_density(state), state["volume"].values
-    own = np.flatnonzero((density > 0.0) & (volume > 0.0))
+    own, volume, work = _plastic_rock(state)
     if not len(own) or not len(walls):
         return {"plastic_work": np.zeros(count), "plastic_volume": np.zeros(count)}
-    own = own[np.argsort(-density[own], kind="stable")]
     nearest = walls.excavation[cKDTree(walls.place).query(state["position"].values[own])[1]]
-    volume, work = volume[own], volume[own] * density[own]
     densest = np.zeros(count)
     for excavation in np.unique(nearest):
         parts = np.flatnonzero(nearest == excavation)
-        done = np.cumsum(work[parts])
-        densest[excavation] = volume[parts[: 1 + np.searchsorted(done, DENSEST_SHARE * done[-1])]].sum()
+        densest[excavation] = _densest_volume(volume[parts], work[parts])
     by_opening = np.bincount(nearest, work, minlength=count)
     return {"plastic_work": shared_out(total, by_opening, by_opening > 0.0) / MEGA, "plastic_volume": densest}
+
+
+def _plastic_rock(state: xr.Dataset) -> tuple[NDArray, NDArray, NDArray]:
+    """Particles (n,) in which plastic work is done in a step, the densest first; their volume m3 and work J."""
+    density, volume = plastic_work_density(state), state["volume"].values
+    own = np.flatnonzero((density > 0.0) & (volume > 0.0))
+    own = own[np.argsort(-density[own], kind="stable")]
+    return own, volume[own], volume[own] * density[own]
+
+
+def _densest_volume(volume: NDArray, work: NDArray) -> float:
+    """Volume, m3, of the rock in which DENSEST_SHARE of the work (n,) J is done, the densest first."""
+    done = np.cumsum(work)
+    return float(volume[: 1 + np.searchsorted(done, DENSEST_SHARE * done[-1])].sum()) if len(done) else 0.0
 
 
 def _derived(found: dict[str, float]) -> Row:

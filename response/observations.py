@@ -22,7 +22,7 @@ from response.observation_settings import (
     ObservedPoint,
 )
 from response.readings import at_steps, read_readings
-from response.rock import Rock, Voids
+from response.rock import Rock, Voids, is_computed
 
 MPA, MM = 1e-6, 1e3
 AXES = ("east", "north", "up")
@@ -40,13 +40,16 @@ def places(instrument: Instrument) -> NDArray:
 
 
 def read_values(settings: ObservationSlice, grid: xr.Dataset, state: xr.Dataset, number: int) -> Values:
-    """Fields at the places of all instruments, in order, in the state after the step of this number (from 0)."""
+    """Fields at the places of all instruments, in order, in the state after the step of this number (from 0); NaN for
+    a step that is not computed."""
     steps = [step["name"] for step in settings.steps]
     mined = {entry["name"]: entry["mined"] for entry in settings.excavations}
     names = json.loads(grid.attrs["excavation_names"])
     order = np.array([steps.index(mined[name]) if mined.get(name) in steps else len(steps) for name in names])
-    points = [places(one) for one in settings.observations.instruments]
-    return values_at(Rock(state, Voids.of(grid, order <= number)), np.concatenate([np.empty((0, 3)), *points]))
+    points = np.concatenate([np.empty((0, 3)), *(places(one) for one in settings.observations.instruments)])
+    if not is_computed(state):
+        return Values.unknown(len(points))
+    return values_at(Rock(state, Voids.of(grid, order <= number)), points)
 
 
 def observe(settings: ObservationSlice, grid: xr.Dataset, states: Iterable[xr.Dataset]) -> xr.Dataset:

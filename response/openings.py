@@ -15,7 +15,7 @@ from common.event_table import read_events
 from common.voigt import tensor_from_voigt
 from mpm_core.scene.scene import InsituStress
 from response.opening_table import StepOpenings, measure, rows_of, table
-from response.rock import VARIABLES, Rock, Voids
+from response.rock import VARIABLES, Rock, Voids, is_computed
 from response.settings import OpeningSlice, OpeningStep
 from response.wall_rays import standing, wall_displacement
 from response.walls import mined_walls
@@ -41,14 +41,16 @@ def openings_table(
     events: Iterable[NDArray],
     recorded: Iterable[NDArray | None],
 ) -> xr.Dataset:
-    """The table of openings after each step. states: of the steps, in order; events, recorded: locations
-    (n, xyz) m of the modelled and the recorded events of each, None where there is no record."""
+    """The table of openings after each step that is computed. states: of the steps, in order; events, recorded:
+    locations (n, xyz) m of the modelled and the recorded events of each, None where there is no record."""
     names, mined, filled, walls = mined_walls(grid, settings.excavations, [step.name for step in settings.steps])
     virgin = virgin_compression(settings.insitu, walls.place)
     before, last = np.zeros((len(walls), 3)), None
     rows: list[tuple] = []
     of_steps = zip([step.name for step in settings.steps], states, events, recorded, strict=True)
     for number, (step, state, modelled, own_record) in enumerate(of_steps):
+        if not is_computed(state):
+            break  # nor are those after it
         openings = StepOpenings(names, mined, filled, number)
         rock = Rock(state, Voids.of(grid, openings.is_mined))
         if last is not None:

@@ -33,7 +33,7 @@ def read_readings(instrument: Instrument, where: str) -> pd.DataFrame:
         line = int(dates.isna().to_numpy().argmax())
         value = table[instrument.date].iloc[line]
         raise InputError(f"{where}.date: {path.name}: row {line + 1}: {value} is no date; write it as 2010-03-31")
-    values = table[list(instrument.columns)].apply(pd.to_numeric, errors="coerce")
+    values = table[list(instrument.columns)].apply(pd.to_numeric, errors="coerce").astype(float)
     bad = ~np.isfinite(values) & table[list(instrument.columns)].notna()
     if bad.to_numpy().any():
         line, column = np.argwhere(bad.to_numpy())[0]

@@ -29,6 +29,11 @@ VARIABLES = {
 """Variables of a state that Rock reads."""
 
 
+def is_computed(state: xr.Dataset) -> bool:
+    """False for the state of a step after a collapse: it is that of the step before, and nothing is mined in it."""
+    return bool(state.attrs.get("computed", 1))
+
+
 @dataclass(frozen=True)
 class Voids:
     """Parts of finest cells that excavations have mined.

@@ -7,7 +7,7 @@ of each (variance phi^2). Ordinary least squares would take the velocities of on
 intervals of a and b would be too narrow. The ratio tau^2 / phi^2 is that of the restricted likelihood (Patterson and
 Thompson 1971; of ground motion: Abrahamson and Youngs 1992), the coefficients are those of generalised least squares.
 Intervals are of Student's t: for a and b with the degrees of freedom of the events, for c with those of the velocities
-within events. The scatter is sqrt(tau^2 + phi^2).
+within events as far as distances differ within events. The scatter is sqrt(tau^2 + phi^2).
 """
 
 import logging
@@ -147,10 +147,24 @@ def fit_relation(
     back = np.eye(3)
     back[0, 1:] = -middle
     coefficients, covariance = back @ coefficients, back @ covariance @ back.T
-    freedom = [number - 3, number - 3, max(total - number - 1, number - 3)]
+    of_events = max(number - 3, 1)
+    freedom = [of_events, of_events, _freedom_of_distance(x[:, 2], event, within**2 / covariance[2, 2], of_events)]
     half = scipy.stats.t.ppf(INTERVAL_95[1], freedom) * np.sqrt(np.diag(covariance))
     intervals = np.column_stack([coefficients - half, coefficients + half])
     return Fit(coefficients, covariance, intervals, float(within * np.sqrt(ratio)), float(within), number, total)
+
+
+def _freedom_of_distance(distance: NDArray, event: NDArray, known: float, of_events: int) -> float:
+    """Degrees of freedom of the coefficient of the distance (Satterthwaite 1946).
+
+    distance (velocity,): its column of the matrix; known: what all velocities tell of it, over what one within an
+    event tells at a unit of the column. What differs between events alone has the degrees of freedom of the events.
+    """
+    counts = np.bincount(event)
+    inside = distance - (np.bincount(event, distance) / counts)[event]
+    share = float(np.clip(inside @ inside / known, 0.0, 1.0))
+    of_velocities = max(len(event) - len(counts) - 1, 1)
+    return 1.0 / (share**2 / of_velocities + (1.0 - share) ** 2 / of_events)
 
 
 class _Solver:

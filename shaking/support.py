@@ -20,15 +20,16 @@ FAILED_DEPTHS = {  # words for the columns of the table of openings
 def read_depths(path: Path, settings: ShakingSlice) -> NDArray:
     """Depths of failed rock (step, opening, side) m from openings.nc; NaN where an opening has no such side.
 
-    Raises InputError as common.opening_table.read_openings, and for a file without one of the steps.
+    In a step without rows nothing stands open. Raises InputError as common.opening_table.read_openings, and for a file
+    of other steps.
     """
     table = read_openings(path)
     steps = {step.name: number for number, step in enumerate(settings.steps)}
     openings = {opening.name: number for number, opening in enumerate(settings.openings)}
     sides = {side: number for number, side in enumerate(SIDES)}
     names = [table[name].values.astype(str) for name in ("step", "excavation", "side")]
-    if missing := set(steps) - set(names[0]):
-        raise InputError(f"{path}: has no step {', '.join(sorted(missing))}; delete it and run again")
+    if len(names[0]) and not set(steps) & set(names[0]):
+        raise InputError(f"{path}: has none of the steps {', '.join(steps)}; delete it and run again")
     places = [
         np.array([known.get(name, -1) for name in column], np.int64)
         for known, column in zip((steps, openings, sides), names, strict=True)

@@ -60,14 +60,17 @@ def _check_dates(mine: Mine, where: str, instrument: Instrument, readings: "pd.D
     from response.readings import at_steps
 
     steps = mine.observations_slice()["steps"]
-    found = np.isfinite(at_steps(readings, steps, None)).any(axis=1)
+    found = np.isfinite(at_steps(readings, steps, None))
     if not found.any():
         raise InputError(f"{where}.file: {instrument.file}: no reading is within the dates of a step")
-    if instrument.since in mine.dated_steps and not found[[step["name"] for step in steps].index(instrument.since)]:
-        raise InputError(
-            f"{where}.since: {instrument.file}: no reading is within the dates of {instrument.since}, from which the "
-            "others count; add one, for example the zero at its end"
-        )
+    if instrument.since in mine.dated_steps:
+        zero = found[[step["name"] for step in steps].index(instrument.since)]
+        if not zero.all():
+            lacking = ", ".join(name for name, known in zip(instrument.columns, zero, strict=True) if not known)
+            raise InputError(
+                f"{where}.since: {instrument.file}: no reading of {lacking} is within the dates of {instrument.since}, "
+                "from which the others count; add one, for example the zero at its end"
+            )
 
 
 def _check_file(mine: Mine, where: str, instrument: Instrument) -> None:

@@ -33,7 +33,7 @@ from baselines.number_report import (
     score_rows,
     step_rows,
 )
-from baselines.rate_law import NumberForecast
+from baselines.rate_law import NumberForecast, control_forecasts
 from catalogs.compare.face import Face
 from catalogs.settings import FacePosition
 from common.datasets import write_dataset
@@ -104,6 +104,19 @@ def test_a_forecast_knows_earlier_steps_only():
             np.testing.assert_array_equal(one.intervals(label)[:10], two.intervals(label)[:10])
         for label, weight in one.weights.items():
             np.testing.assert_array_equal(weight[:10], two.weights[label][:10])
+
+
+def test_a_rule_after_a_step_without_events_does_not_rule_them_out():
+    """It states 0 and has an interval; a measure that is constant has no lead over it by months without events."""
+    number = np.array([0.0, 12.0, 0.0, 9.0, 0.0, 11.0, 10.0, 0.0, 8.0])
+    stated, expected, spread = expected_by_rule(LAST, number, np.ones(9))
+    assert stated[1] == 0.0
+    assert expected[1] == 0.5
+    dispersion = np.tile([1.0, 4.0], (9, 1))
+    forecasts = control_forecasts(number, stated, expected, spread, dispersion)
+    assert forecasts[1].value == 0.0
+    assert forecasts[1].interval[1] > 0.0
+    assert forecasts[5].score(11.0) > -8.0
 
 
 def test_rules_expect_what_they_say():

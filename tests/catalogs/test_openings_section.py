@@ -76,6 +76,13 @@ def test_a_drive_says_where_along_it_failure_is_deepest():
     assert "5 to 10 m along it" in page.worst(table([*ENDS, *apart]))
 
 
+def test_steps_after_a_collapse_leave_the_last_that_is_computed():
+    evidence = table([("a", *row[1:]) for row in ENDS])
+    assert page.worst(evidence) == ""
+    evidence.steps[1]["computed"] = 0
+    assert page.worst(evidence) == "Rock has failed deepest at drive, roof 4.0 m, closure 0 mm."
+
+
 def test_what_is_no_drive_has_no_chainage():
     assert page.worst(table(ENDS)) == "Rock has failed deepest at drive, roof 4.0 m, closure 0 mm."
     sound = [("b", "roof", 0.0, 5.0, 0.0), ("b", "roof", 5.0, 10.0, np.nan)]

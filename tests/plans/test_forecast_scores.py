@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from plan_fixtures import (
     MINE,
     OPENINGS,
@@ -109,6 +110,22 @@ def test_places_of_the_forecast_gain_more_than_places_elsewhere(forecast):
         record["location"][of_september(record)] = places + np.array([0.0, 0.0, shift])
         gains.append(float(scored([forecast], record, GRID)["gain"][1]))
     assert gains[0] > gains[1] + 0.5
+
+
+def test_no_event_of_a_forecast_and_no_number_of_runs_buys_gain(forecast):
+    """An event far away, which would widen a box of its own, costs; the same runs twice change nothing."""
+    own = np.flatnonzero(forecast["event_step"].values == 1)
+    record = both_months(len(own))
+    record["location"][of_september(record)] = forecast["event_location"].values[own]
+    found = float(scored([forecast], record)["gain"][1])
+    away = forecast.copy(deep=True)
+    away["event_location"][own[0]] += np.array([2000.0, 0.0, 0.0])
+    assert float(scored([away], record)["gain"][1]) <= found
+    of_events = [name for name in forecast.variables if "event" in forecast[name].dims]
+    twice = xr.concat([forecast[of_events]] * 2, dim="event")
+    twice["event_run"][len(forecast["event_run"]) :] += forecast.sizes["run"]
+    runs = xr.concat([forecast.drop_vars(of_events)] * 2, dim="run", data_vars="minimal")
+    assert float(scored([runs.merge(twice).assign_attrs(forecast.attrs)], record)["gain"][1]) == pytest.approx(found)
 
 
 def test_chances_are_set_against_what_happened(forecast):

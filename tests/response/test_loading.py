@@ -336,6 +336,25 @@ def test_plastic_work_is_that_of_the_balance(tmp_path):
     assert row(table, "next")["energy_released"] > row(table, "next")["plastic_work"]
 
 
+def test_the_plastic_volume_of_a_step_is_that_of_all_its_rock(tmp_path):
+    """Nine tenths of the work of two openings lie in less rock than nine tenths of each; a step after a collapse has
+    no row, and no opening of its own either."""
+    boxes = [{**one, "shape": "box", "fill": "none"} for one in ROOMS[:2]]
+    boxes = [one | {key: [f"{value} m" for value in one[key]] for key in ("lower", "upper")} for one in boxes]
+    mine, grid, states, table = measured(tmp_path, boxes, materials=BRITTLE, insitu_stress=STRONG, solver={})
+    state = states[2]
+    density, volume = plastic_work_density(state), state["volume"].values
+    order = np.argsort(-density, kind="stable")
+    done = np.cumsum((density * volume)[order])
+    enough = int(np.searchsorted(done, 0.9 * done[-1]))
+    assert row(table, "next")["plastic_volume"] == pytest.approx(volume[order][: enough + 1].sum())
+    parts = [row(table, "next", name)["plastic_volume"] for name in ("first", "second")]
+    assert row(table, "next")["plastic_volume"] != pytest.approx(sum(parts))
+    lost = [states[1], states[1].assign_attrs(computed=0)]
+    short = loading_table(LoadingSlice.of(mine.loading_slice()), grid, states[0], lost)
+    assert set(short["step"].values.tolist()) == {"history"}
+
+
 def test_steps_that_mine_nothing_release_nothing(tmp_path):
     """A step that does nothing, and one that fills the sphere, which stays as it is: later fill bears nothing yet."""
     ball_then_fill = ball("sphere", 4, fill="soft", filled="fills")

@@ -154,10 +154,35 @@ MISTAKES = {
 
 FILES = {  # What a file of readings may have, and the line that it is refused with.
     "no step": ("date,value\n2010-01-05,1.5\n", {}, "no reading is within the dates of a step"),
-    "no zero": ("date,value\n2020-02-05,1.5\n", {"since": "a"}, "no reading is within the dates of a, from which"),
+    "no zero": (
+        "date,value\n2020-02-05,1.5\n",
+        {"since": "a"},
+        "no reading of value is within the dates of a, from which",
+    ),
     "decimal comma": ("date,value\n2020-01-05,1,5\n2020-01-06,2,5\n", {}, "rows have more fields than"),
+    "no rows": ("date,value\n", {}, "no reading is within the dates of a step"),
     "infinite": ("date,value\n2020-01-05,inf\n", {}, "row 1, value: inf is no number"),
 }
+
+
+def test_an_anchor_without_a_zero_is_refused(tmp_path):
+    """Another anchor has one: it would be left out without a word."""
+    (tmp_path / "r.csv").write_text("date,a,b\n2020-01-05,1.0,\n2020-02-05,1.5,2.0\n")
+    line = LINE | READ | {"units": "mm", "error": "1 mm", "columns": ["a", "b"], "since": "a"}
+    with pytest.raises(InputError, match="no reading of b is within the dates of a, from which"):
+        load(tmp_path, [ROOM], steps=STEPS, observations={"lines": [line]})
+
+
+def test_a_step_after_a_collapse_has_no_values(tmp_path):
+    """Its state is that of the step before, which is no result of this one."""
+    mine = load(tmp_path, [ROOM], steps=STEPS, observations={"closures": [MARKS | {"name": "c"}], "points": [CELL]})
+    grid, state = states_of(mine, tmp_path)
+    states = [state, moved_by(state, GRADIENT, np.ones(3)), state.assign_attrs(computed=0)]
+    table = observe(ObservationSlice.of(mine.observations_slice()), grid, states)
+    is_last = table["step"].values == "b"
+    assert np.isnan(table["modelled"].values[is_last]).all()
+    assert np.isfinite(table["modelled"].values[~is_last]).all()
+    assert (instrument_line(table, "c").readings, instrument_line(table, "SC1").failed) == (0, False)
 
 
 @pytest.mark.parametrize("case", FILES)

@@ -9,6 +9,8 @@ from small_mines import CELL, load, moved_by, rock_of, states_of, with_failed, w
 
 from common.opening_table import ALL, FIELDS, SIDES
 from response.centre_lines import CentreLine, centre_lines
+from response.excess_shear import find_excess
+from response.loading_settings import ShearPlane
 from response.openings import openings_table
 from response.rock import FAILED, INTACT, MINED, OUTSIDE, shape_functions
 from response.settings import OpeningSlice
@@ -205,6 +207,20 @@ def test_fallen_rock_has_a_volume_and_a_depth_of_its_own(tmp_path):
     assert rows["depth_mean"]["roof"] == pytest.approx(2.0)
     assert rows["fallen_volume"]["walls"] == rows["fallen_volume"]["floor"] == 0.0
     assert table_of(mine, grid, [failed]).to_dataframe()["fallen_volume"].abs().max() == 0.0
+
+
+def test_fallen_rock_has_no_stress_on_a_plane(tmp_path):
+    """A flat plane through the roof: of what has failed it has a value, of what has fallen none."""
+    room = {"name": "room", "shape": "box", "lower": ["-4 m", "-3 m", "-2 m"], "upper": ["4 m", "3 m", "2 m"]}
+    grid, state = states_of(load(tmp_path, [room]), tmp_path)
+    place = state["position"].values
+    above = (np.abs(place[:, 0]) < 4.0) & (np.abs(place[:, 1]) < 3.0) & (state["volume"].values > 0.0)
+    failed = with_failed(state, above & (place[:, 2] > 2.0) & (place[:, 2] < 4.0))
+    fallen = with_fallen(failed, above & (place[:, 2] > 2.0) & (place[:, 2] < 3.0))
+    plane = ShearPlane(name="flat", point=["0.3 m", "0.3 m", "2.6 m"], strike="0 deg", dip="0 deg")
+    found = [find_excess(rock_of(grid, one), plane, np.radians(30.0)).at_point for one in (failed, fallen)]
+    assert np.isfinite(found[0])
+    assert np.isnan(found[1])
 
 
 def test_fallen_rock_of_a_plane_has_the_volume_of_its_thickness(tmp_path):

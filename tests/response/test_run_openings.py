@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_mines import load, states_of, with_failed
 
-from common.datasets import write_dataset
+from common.datasets import read_dataset, write_dataset
 from common.event_table import new_catalog, write_events
 from common.opening_table import ALL, read_opening_runs
 from response.openings import read_and_measure
@@ -65,6 +65,15 @@ def test_each_run_has_what_its_own_table_says(plan, tmp_path):
             assert found["depth_p90"].values[number, place] == sides["depth_p90"].values.max()
             for column, source in (("depth_largest",) * 2, ("closure", "closure_median"), ("failed_volume",) * 2):
                 np.testing.assert_array_equal(found[column].values[number, place], whole[source].values[0])
+
+
+def test_a_step_after_a_collapse_has_no_rows(plan, tmp_path):
+    """Neither the openings mined before nor those that it would have mined."""
+    given, grid = plan
+    settings = OpeningSlice.of({key: one for key, one in given.items() if key not in ("plan", "runs")})
+    run = given["runs"][0]
+    write_dataset(read_dataset(run["states"][0]).assign_attrs(computed=0), tmp_path / "history.nc")
+    assert read_and_measure(settings, grid, [tmp_path / "history.nc"], run["events"], None).sizes["row"] == 0
 
 
 def test_runs_in_another_order_have_their_own_numbers(plan):

@@ -177,7 +177,10 @@ def test_depths_come_from_failed_rock_unless_they_are_stated(tmp_path):
     with pytest.raises(InputError, match=r"no depth of failed rock is known; give ground_motion\.depth"):
         shaking_stage(slice_of(ground_motion={"displacement": 200.0}), **paths)
     write_dataset(opening_table(whole[-9:]), tmp_path / "openings.nc")
-    with pytest.raises(InputError, match="has no step 2019-08"):
+    assert np.isnan(depths()[0]).all()  # nothing stands open
+    np.testing.assert_allclose(depths()[1, 0], [0.9, 0.4, np.nan, np.nan])
+    write_dataset(opening_table([("other", *row[1:]) for row in whole]), tmp_path / "openings.nc")
+    with pytest.raises(InputError, match="has none of the steps 2019-08"):
         depths()
 
 

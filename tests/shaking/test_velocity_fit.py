@@ -43,6 +43,20 @@ def test_intervals_hold_the_truth_as_often_as_they_say(between, within, sensors)
     assert np.mean(scatter) == pytest.approx(between**2 + within**2, rel=0.05)
 
 
+def test_the_interval_of_the_distance_holds_where_distances_differ_between_events_alone():
+    """Sensors of a cluster at one distance from each of few events: c is known from the events, not from velocities."""
+    generator, held = np.random.default_rng(12), 0
+    for _ in range(300):
+        event = np.repeat(np.arange(6), 8)
+        size, distance = (generator.uniform(*ends, 6)[event] for ends in ((-0.5, 2.5), (1.3, 2.9)))
+        distance = 10.0 ** (distance + 0.01 * generator.standard_normal(48))
+        error = 0.3 * generator.standard_normal(6)[event] + 0.1 * generator.standard_normal(48)
+        records = Velocities(event, size, distance, TRUE.log_median(size, distance) + error)
+        low, high = fit_relation(records, **CURVE).intervals[2]
+        held += low <= 1.25 <= high
+    assert 0.91 <= held / 300 <= 0.985
+
+
 def test_least_squares_alone_would_state_intervals_too_narrow():
     """With a scatter of events the same number of velocities counts as less: what the random effect is for."""
     held = 0

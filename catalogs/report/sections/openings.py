@@ -57,7 +57,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
     return {
         "lines": lines[:MAX_LISTED],
         "others": len(lines) - MAX_LISTED,
-        "step": str(evidence.steps[-1]["step"]),
+        "step": last_step(evidence),
         "steepest": ROOF_FROM,
         "half_cell": 0.5 * float(evidence.grid.attrs["fine_cell"]),
         "narrow": [row.name for row in evidence.excavations if row.narrow and not row.planned],
@@ -65,12 +65,18 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
     }
 
 
+def last_step(evidence: Evidence) -> str:
+    """Name of the last step that is computed; those after a collapse are not."""
+    computed = [step for step in evidence.steps if int(step.get("computed", 1))]
+    return str((computed or evidence.steps)[-1]["step"])
+
+
 def opening_lines(evidence: Evidence) -> list[OpeningLine]:
     """A line for each excavation that has been mined, the one with the deepest failure first."""
     table = evidence.openings
     if table is None or not table.sizes["row"] or not evidence.steps:
         return []
-    last = table["step"].values == str(evidence.steps[-1]["step"])
+    last = table["step"].values == last_step(evidence)
     rows = np.flatnonzero(last & np.isnan(table["chainage_from"].values))
     place = {(str(table["excavation"].values[row]), str(table["side"].values[row])): row for row in rows}
     lines = [_line(table, place, name, row) for (name, side), row in place.items() if side == ALL]
@@ -133,7 +139,7 @@ def _profiles(evidence: Evidence, names: list[str]) -> Figure | None:
     """Depth of failure of roof, walls and floor along the first drives of `names`, and their closure; None without
     drives."""
     table = evidence.openings
-    last = table["step"].values == str(evidence.steps[-1]["step"])
+    last = table["step"].values == last_step(evidence)
     stretches = last & np.isfinite(table["chainage_from"].values)
     drives = [name for name in names if (stretches & (table["excavation"].values == name)).any()][:MAX_DRAWN]
     if not drives:
