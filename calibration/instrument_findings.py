@@ -5,15 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from calibration.fit import INTERVAL_SHARE, Fit
 from calibration.instruments import WORKS, Instrument
-from calibration.posterior import Posterior, normalized
+from calibration.posterior import normalized
 from calibration.settings import INSTRUMENTS
 
 MAX_P_VALUE = 0.05  # Of the test of all instruments: each has this over their number.
 CATALOGUE, ALONE, BOTH = "catalogue alone", "instruments alone", "both"  # Names of fits.
+MIN_ODDS = 5.0  # From which on other values are said: of right data fewer than one pair in twenty has so large odds.
+MAX_LOG_ODDS = 700.0
 DRAWS = 2000  # Sets of readings that are made for a p-value.
 FACTORS = (0.77, 1.3)  # Readings over the model, within which no other factor is named.
 
@@ -44,19 +45,24 @@ class InstrumentFindings:
     """Findings of all instruments, names of those without a reading that counts, and widths left (quantity,) by the
     catalogue alone, by the instruments alone and by both, by name; with intervals (3, quantity).
 
-    p_same: p-value of the catalogue and all instruments having come from the same values; NaN without both.
+    other_values: how many times as probable catalogue and readings are if each has values of its own, as if both have
+    the same ones; NaN without both.
     """
 
     instruments: tuple[Finding, ...]
     unused: tuple[str, ...]
     widths: dict[str, NDArray]
     intervals: dict[str, NDArray]
-    p_same: float
+    other_values: float
 
     @property
     def level(self) -> float:
         """Largest p-value with which an instrument is said to contradict."""
         return max(MAX_P_VALUE / len(self.instruments), 1.5 / DRAWS)
+
+    def says_other_values(self) -> bool:
+        """True if the page says that catalogue and readings want other values."""
+        return self.other_values >= MIN_ODDS
 
     def contradicts_rest(self) -> list[Finding]:
         """Instruments that contradict all other data."""
@@ -99,19 +105,20 @@ def find(fit: Fit, fits: dict[str, Fit], seed: int) -> InstrumentFindings:
         term.unused,
         {name: other.posterior.width_left(INTERVAL_SHARE) for name, other in fits.items()},
         {name: other.posterior.intervals(INTERVAL_SHARE) for name, other in fits.items()},
-        same_values(fits[CATALOGUE].posterior, fits[ALONE].posterior) if CATALOGUE in fits else np.nan,
+        other_values_odds(fits),
     )
 
 
-def same_values(first: Posterior, other: Posterior) -> float:
-    """P-value of two sets of data, independent of each other, having come from the same values.
+def other_values_odds(fits: dict[str, Fit]) -> float:
+    """How many times as probable catalogue and readings are if each has values of its own, as if both have the same
+    ones; NaN without both.
 
-    It is that of the squared distance of the means of their posteriors by the sum of both covariances (chi-squared,
-    Wald's test). Both have the same prior, which draws them together, so that it is too large if anything.
+    It is the ratio of the evidences (Bayes factor): that of one alone times that of the other, over that of both.
     """
-    means, covariances = zip(*(one.moments() for one in (first, other)), strict=True)
-    apart = means[0] - means[1]
-    return float(chi2.sf(apart @ np.linalg.solve(sum(covariances), apart), len(apart)))
+    if BOTH not in fits:
+        return np.nan
+    alone, catalogue, both = (fits[name].posterior.log_evidence for name in (ALONE, CATALOGUE, BOTH))
+    return float(np.exp(min(alone + catalogue - both, MAX_LOG_ODDS)))
 
 
 def _finding(
@@ -179,11 +186,11 @@ def sentences(found: InstrumentFindings) -> list[str]:
             f"{100 * one.working:.0f} %.{_factor(one)} It hardly counts in the intervals. Look at the instrument, its "
             "units and its zero, and take it out if it is broken."
         )
-    if found.p_same <= MAX_P_VALUE:
+    if found.says_other_values():
         lines.append(
-            f"The catalogue and the instruments want other values (p = {found.p_same:.1g}): those that fit the one do "
-            "not fit the other. Both cannot be right with this model; look at the plan, the stress and the "
-            "completeness of the record before you trust the intervals of both together."
+            f"The catalogue and the instruments want other values: they are {found.other_values:.2g} times as probable "
+            "if each has values of its own, as if both have the same ones. Both cannot be right with this model; look "
+            "at the plan, the stress and the completeness of the record before you trust intervals of both together."
         )
     if 2 * len(broken) > count > 1:
         lines.append(

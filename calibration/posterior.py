@@ -1,12 +1,12 @@
 """The posterior: Sobol points of the prior, weighted by their likelihood, and drawn again where it is narrow."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln
+from scipy.special import gammaln, logsumexp
 from scipy.stats import chi2, norm, qmc
 
 POINTS = 2**13  # Sobol points of a round.
@@ -32,13 +32,14 @@ class Posterior:
     """Points (point, quantity) in the unit cube of the prior, with the logarithms of their weights (point,), but for a
     constant.
 
-    implausibility: the smallest of all points, of the prior's whole cube. effective: how many equal weights these are
-    worth (Kish).
+    implausibility: the smallest of all points, of the prior's whole cube; log_evidence: logarithm of the mean of the
+    likelihood over the prior. effective: how many equal weights these are worth (Kish).
     """
 
     points: NDArray
     log_weights: NDArray
     implausibility: float
+    log_evidence: float = np.nan
 
     @cached_property
     def weights(self) -> NDArray:
@@ -63,11 +64,6 @@ class Posterior:
         values = self.points if values is None else values
         lower, upper = shortest_intervals(values, self.weights, share, ends)
         return np.stack([lower, weighted_quantiles(values, self.weights, np.array([0.5]))[0], upper])
-
-    def moments(self) -> tuple[NDArray, NDArray]:
-        """Mean (quantity,) and covariance (quantity, quantity)."""
-        mean = self.weights @ self.points
-        return mean, (self.weights[:, None] * (self.points - mean)).T @ (self.points - mean)
 
     def draws(self, count: int, seed: int) -> NDArray:
         """Points (draw, quantity) drawn at random by their weights."""
@@ -96,19 +92,21 @@ def find_posterior(
     drawn, log_density = sobol_points(points, quantities, seed), np.zeros(points)
     least, best = np.inf, Posterior(drawn, np.full(points, np.nan), np.inf)
     for round_number in range(1, MAX_ROUNDS + 1):
-        inside = ((drawn >= 0.0) & (drawn <= 1.0)).all(axis=1)
+        inside, count = ((drawn >= 0.0) & (drawn <= 1.0)).all(axis=1), len(drawn)
         drawn, log_density = drawn[inside], log_density[inside]
         log_likelihood, implausible = evaluate(drawn)
         least = min(least, float(implausible.min()))
-        posterior = Posterior(drawn, log_likelihood - log_density, least)
+        log_weights = log_likelihood - log_density
+        posterior = Posterior(drawn, log_weights, least, float(logsumexp(log_weights) - np.log(count)))
         if not best.effective > posterior.effective:  # also in the first round
             best = posterior
         if best.effective >= MIN_EFFECTIVE_POINTS:
             break
-        mean, covariance = posterior.moments()
+        mean = posterior.weights @ drawn
+        covariance = (posterior.weights[:, None] * (drawn - mean)).T @ (drawn - mean)
         covariance = 2.0 * covariance + MIN_VARIANCE * np.eye(quantities)
         drawn, log_density = _draw(mean, covariance, points, seed + round_number)
-    return Posterior(best.points, best.log_weights, least)
+    return replace(best, implausibility=least)
 
 
 def normalized(log_weights: NDArray) -> NDArray:

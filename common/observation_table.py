@@ -16,7 +16,7 @@ FIELDS = (
     Field("measured", ROWS, np.float64, "", "last reading within the step's dates; NaN without one"),
     Field("measured_error", ROWS, np.float64, "", "standard error of a reading; NaN without one"),
     Field("cell", ROWS, np.float64, "m", "edge of the cell there"),
-    Field("failed", ROWS, np.int8, "1", "1 where the rock there has failed"),
+    Field("failed", ROWS, np.int8, "1", "1 where the rock there has failed; 0 without a cell, too"),
 )
 
 MODELLED = Field("modelled", ROWS, np.float64, "", "value of a trial at the row of the readings; NaN without rock")

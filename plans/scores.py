@@ -235,9 +235,11 @@ class RecordedStep:
         self.size, self.location = size[inside], record["location"].values[inside]
         self.potency = record["potency"].values[inside]
         self.size_before, self.location_before = size[before], record["location"].values[before]
-        # The same for all forecasts of the step: events of its own would widen the box of a forecast.
-        self.box_places = record["location"].values[counted & (time < end)]
-        self.error = np.hypot(location_errors(record)[inside], float(grid.attrs["fine_cell"])) / np.sqrt(3.0)
+        error = np.hypot(location_errors(record), float(grid.attrs["fine_cell"])) / np.sqrt(3.0)
+        self.error = error[inside]
+        # Of the record alone, the same for all forecasts of the step: events of its own would widen a forecast's box.
+        known = (record["resolved"].values == 1) & (time < end)
+        self.box_places, self.box_margin = record["location"].values[known], BOX_MARGIN * error[known].max(initial=0.0)
         self.days = float((end - start) / DAY)
         self.days_before = _days_before(record, until)
         named = zip(forecast["opening"].values, forecast["opening_step"].values, strict=True)
@@ -262,7 +264,7 @@ class RecordedStep:
             return np.nan
         own = self.forecast["event_step"].values == self.number
         events, run = (self.forecast[name].values[own] for name in ("event_location", "event_run"))
-        box = box_around(self.box_places, margin=BOX_MARGIN * float(self.error.max()))
+        box = box_around(self.box_places, margin=float(self.box_margin))
         gains = [
             information_gain(self.location, events[run == one], self.error, box).mean() for one in self.counted_runs
         ]

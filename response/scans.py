@@ -19,7 +19,7 @@ from common.scan_table import ALL, FIELDS, POINT_FIELDS
 from mpm_core.geometry.inside import CROSSED, INSIDE, classify_cells, popcount, sample_mask
 from mpm_core.geometry.solids import Solid
 from response.opening_table import DEPTH_SHARE, nearest_wall, weighted_quantile
-from response.rock import Rock, Voids
+from response.rock import Rock, Voids, is_computed
 from response.scan_rays import AT_WALL, entry_behind, reach_of_void
 from response.scan_settings import PlacedScan, ScanSlice
 from response.scanned_surface import read_scan
@@ -61,6 +61,8 @@ def compare_scans(settings: ScanSlice, grid: xr.Dataset, states: Iterable[xr.Dat
     rows: list[tuple] = []
     points: list[list[NDArray]] = []
     for step, state in zip(settings.compared, states, strict=True):
+        if not is_computed(state):
+            break  # nor are those after it
         is_mined = (mined >= 0) & (mined <= steps.index(step))
         rock = Rock(state, Voids.of(grid, is_mined))
         here = walls.at(np.flatnonzero(is_mined[walls.excavation]))

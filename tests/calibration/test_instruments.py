@@ -1,6 +1,7 @@
 """Readings of instruments: contrasts, densities against slow twins, states, tests of agreement, and the whole fit."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import xarray as xr
 from scipy.stats import kstest
 
 from calibration.fit import Rows, calibrate, calibrate_to_trials
-from calibration.instrument_findings import by_terms, find, p_value, same_values, sentences
+from calibration.instrument_findings import MIN_ODDS, by_terms, find, other_values_odds, p_value, sentences
 from calibration.instruments import (
     SCALED,
     SCALED_FACTOR,
@@ -21,7 +22,7 @@ from calibration.instruments import (
     instrument_term,
 )
 from calibration.limits import beyond_range
-from calibration.posterior import Posterior
+from calibration.posterior import find_posterior
 from calibration.recorded import RecordedOutputs
 from calibration.settings import CalibrationSettings
 from calibration.student import widened_density
@@ -226,22 +227,41 @@ def test_a_broken_instrument_is_called_out_and_hardly_counts(fault):
     assert np.sqrt(np.mean(np.array(moved) ** 2)) < 0.25
 
 
-def test_two_sets_of_data_of_the_same_values_agree_as_often_as_they_say():
-    """Normal posteriors inside of the range: p-values of the same values are uniform, others are told apart."""
-    generator = np.random.default_rng(8)
-    factors = np.array([[0.05, 0.0], [0.03, 0.04]]), np.array([[0.02, 0.0], [-0.05, 0.06]])
-    found: dict[float, list] = {0.0: [], 0.4: []}
-    for apart, p_values in found.items():
-        for _ in range(200):
-            ends = []
-            for factor, truth in zip(factors, ([0.5, 0.4], [0.5 + apart, 0.4]), strict=True):
-                middle = np.array(truth) + factor @ generator.standard_normal(2)
-                points = middle + generator.standard_normal((2000, 2)) @ factor.T
-                ends.append(Posterior(points, np.zeros(2000), 0.0))
-            p_values.append(same_values(*ends))
-            assert same_values(*ends[::-1]) == pytest.approx(p_values[-1])
-    assert kstest(found[0.0], "uniform").pvalue > 0.01
-    assert np.mean(np.array(found[0.4]) <= 0.05) > 0.95
+@pytest.mark.parametrize(
+    ("quantities", "truth", "deviations"),
+    [
+        (2, 0.5, (0.09, 0.16)),
+        (4, 0.5, (0.1, 0.1)),
+        (4, 0.95, (0.05, 0.5)),
+        (4, 0.95, (0.05, 10.0)),
+        (1, 1.0, (0.05, 0.5)),
+    ],
+)
+def test_right_data_are_seldom_said_to_want_other_values(quantities, truth, deviations):
+    """Normal likelihoods within the ranges, in their middle and at their ends, of data that say much and nothing: at
+    most one pair in twenty. Of values that are far apart most are."""
+    generator, found = np.random.default_rng(8), {0.0: [], 1.0: []}
+    for apart, odds in found.items():
+        for _ in range(40):
+            middles = truth + np.array(deviations)[:, None] * generator.standard_normal((2, quantities))
+            middles[1, 0] -= apart * truth
+
+            def log_density(points, of, middles=middles):
+                return sum(-0.5 * (((points - middles[one]) / deviations[one]) ** 2).sum(axis=1) for one in of)
+
+            fits = {
+                name: SimpleNamespace(
+                    posterior=find_posterior(
+                        lambda points, of=of: (log_density(points, of), np.ones(len(points))), quantities, 1, 2**11
+                    )
+                )
+                for name, of in (("catalogue alone", (0,)), ("instruments alone", (1,)), ("both", (0, 1)))
+            }
+            odds.append(other_values_odds(fits))
+    assert np.mean(np.array(found[0.0]) >= MIN_ODDS) <= 0.1
+    if max(deviations) < 0.2:
+        assert np.mean(np.array(found[1.0]) >= MIN_ODDS) > 0.4
+    assert np.isnan(other_values_odds({"instruments": None}))
 
 
 def test_p_values_are_uniform_where_the_posterior_is_not_normal():

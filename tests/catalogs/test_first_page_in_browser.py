@@ -20,10 +20,11 @@ STEPS = 14
 NAME = "2019-{:02d} a long name of a step"
 FACTS = (  # as sections on openings, instruments and shaking write them
     "Of what stands open, rock has failed deepest at stope_1010_north, walls 21 m, closure 60 mm; drive_1010_north, "
-    "floor 14 m (60 to 65 m along it), closure 68 mm; decline_1010, walls 12 m (45 to 50 m along it), closure 69 mm. "
-    "33 % of 24 readings of 11 instruments lie within the errors of model and reading; farthest off: extensometer_12, "
-    "11 mm (r.m.s.). Most is felt by stope_1010_north in 2019-08: with a chance of 10 % a peak ground velocity above "
-    "0.26 m/s. Largest demand on support: drive_1010_north, roof, 71 kJ/m², above every stated capacity."
+    "floor 14 m (deepest 60 to 65 m along it), closure 68 mm; decline_1010, walls 12 m (deepest 45 to 50 m along it), "
+    "closure 69 mm. 33 % of 24 readings of 11 instruments lie within the errors of model and reading; farthest off: "
+    "extensometer_12, 11 mm (r.m.s.). Most is felt by stope_1010_north in 2019-08: with a chance of 10 % a peak ground "
+    "velocity above 0.26 m/s. Largest demand on support: drive_1010_north, roof, 71 kJ/m² in 2019-10, above every "
+    "stated capacity."
 )
 
 

@@ -23,6 +23,7 @@ def worst(monkeypatch):
 
     def found(*lines: OpeningLine) -> str:
         monkeypatch.setattr(page, "opening_lines", lambda evidence: list(lines))
+        monkeypatch.setattr(page, "deepest_stretch", lambda evidence, name, side: None)
         return page.worst(None)
 
     return found
@@ -67,13 +68,13 @@ ENDS = [("b", "all", np.nan, np.nan, 4.0), ("b", "roof", np.nan, np.nan, 4.0), (
 
 def test_a_drive_says_where_along_it_failure_is_deepest():
     """Neighbouring stretches of the same depth are one; a gap, another side or an earlier step does not count."""
-    roof = [("b", "roof", 5.0 * i, 5.0 * i + 5.0, depth) for i, depth in enumerate([1.0, 4.0, 4.0, 2.0, 4.0])]
+    roof = [("b", "roof", 5.0 * i, 5.0 * i + 5.0, depth) for i, depth in enumerate([1.0, 6.0, 6.0, 2.0, 6.0])]
     others = [("a", "roof", 0.0, 5.0, 9.0), ("b", "walls", 0.0, 5.0, 8.0)]
     for rows in (roof, roof[::-1]):
         said = page.worst(table([*ENDS, *others, *rows]))
-        assert said == "Rock has failed deepest at drive, roof 4.0 m (5 to 15 m along it), closure 0 mm."
+        assert said == "Rock has failed deepest at drive, roof 4.0 m (deepest 5 to 15 m along it), closure 0 mm."
     apart = [row for row in roof if row[2] != 10.0]
-    assert "5 to 10 m along it" in page.worst(table([*ENDS, *apart]))
+    assert "deepest 5 to 10 m along it" in page.worst(table([*ENDS, *apart]))
 
 
 def test_steps_after_a_collapse_leave_the_last_that_is_computed():

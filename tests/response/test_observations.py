@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pandas as pd
 import pytest
-from small_mines import load, moved_by, states_of
+from small_mines import load, moved_by, states_of, with_failed
 
 from catalogs.report.sections.observations import instrument_line, misfit_interval
 from common.errors import InputError
@@ -177,12 +177,14 @@ def test_a_step_after_a_collapse_has_no_values(tmp_path):
     """Its state is that of the step before, which is no result of this one."""
     mine = load(tmp_path, [ROOM], steps=STEPS, observations={"closures": [MARKS | {"name": "c"}], "points": [CELL]})
     grid, state = states_of(mine, tmp_path)
-    states = [state, moved_by(state, GRADIENT, np.ones(3)), state.assign_attrs(computed=0)]
+    failed = with_failed(moved_by(state, GRADIENT, np.ones(3)), state["volume"].values > 0.0)
+    states = [state, failed, failed.assign_attrs(computed=0)]
     table = observe(ObservationSlice.of(mine.observations_slice()), grid, states)
     is_last = table["step"].values == "b"
     assert np.isnan(table["modelled"].values[is_last]).all()
     assert np.isfinite(table["modelled"].values[~is_last]).all()
-    assert (instrument_line(table, "c").readings, instrument_line(table, "SC1").failed) == (0, False)
+    line = instrument_line(table, "SC1")
+    assert (line.readings, line.failed, line.cell) == (0, True, 2.0)  # of the step before
 
 
 @pytest.mark.parametrize("case", FILES)

@@ -70,11 +70,16 @@ def test_the_first_page_names_the_largest_demand_beside_the_support():
     assert brief(SimpleNamespace(shaking=None)) == ""
     assert brief(SimpleNamespace(shaking=shake(events))).endswith("m/s.")
     without = brief(SimpleNamespace(shaking=shake(events, ground_motion=MOTION)))
-    assert without.endswith("kJ/m².")
+    assert without.endswith(" kJ/m² in 2019-08.")
     strong = [{"name": "mesh", "energy": 1e4, "displacement": 200.0}]
     assert brief(SimpleNamespace(shaking=shake(events, ground_motion=MOTION, support=strong))) == (
         f"{without[:-1]}, below the capacity of mesh."
     )
+    later = shake(events, ground_motion=MOTION)  # failed rock is deeper in a step with less shaking
+    first = later["velocity"].sel(chance=0.1).max("opening").argmax().item()
+    other = (first + 1) % later.sizes["step"]
+    later["demand"][{"step": other}] *= 50.0
+    assert brief(SimpleNamespace(shaking=later)).endswith(f"kJ/m² in {later['step'].values[other]}.")
     weak = [{"name": "mesh", "energy": 1e-9, "displacement": 200.0}]
     assert brief(SimpleNamespace(shaking=shake(events, ground_motion=MOTION, support=weak))) == (
         f"{without[:-1]}, above every stated capacity."

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from calibration.fit import Fit
-from calibration.instrument_findings import CATALOGUE, MAX_P_VALUE, by_terms, find
+from calibration.instrument_findings import CATALOGUE, by_terms, find
 from calibration.settings import CalibrationSettings
 from calibration.stages import TrialCatalogues, calibrate_catalogues
 from catalogs.figures import style
@@ -175,9 +175,10 @@ def _note(columns: dict[str, list], fits: list[Fit], truth: NDArray, seed: int) 
     columns["width"].append(fit.posterior.width_left() / alone)
     named = [one.name for one in found.contradicts_rest()]
     columns["called"].append([one.name in named for one in found.instruments])
-    columns["apart"].append(found.p_same <= MAX_P_VALUE)
+    columns["apart"].append(found.says_other_values())
     right = fits[0].posterior
-    shift = (middle - right.intervals(0.95)[1]) / np.sqrt(np.diag(right.moments()[1]))
+    deviation = np.sqrt(right.weights @ (right.points - right.weights @ right.points) ** 2)
+    shift = (middle - right.intervals(0.95)[1]) / deviation
     columns["shift"].append(shift if len(fits) > 1 else np.full(len(truth), np.nan))
 
 

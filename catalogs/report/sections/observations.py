@@ -27,9 +27,10 @@ MIN_WITHIN = 0.8  # Share of an instrument's readings within both errors under w
 
 @dataclass(frozen=True)
 class InstrumentLine:
-    """An instrument: its quantities, largest cell (m) and whether rock has failed there after the last step, the number
-    of readings that are compared, their root-mean-square misfit with its 95 % interval, in its unit, and the share of
-    readings within the 95 % of both errors together; NaN without readings, and without a stated error."""
+    """An instrument: its quantities, largest cell (m) and whether rock has failed there after the last step in which
+    there is rock, NaN and False without one, the number of readings that are compared, their root-mean-square misfit
+    with its 95 % interval, in its unit, and the share of readings within the 95 % of both errors together; NaN without
+    readings, and without a stated error."""
 
     name: str
     quantity: str
@@ -62,7 +63,8 @@ def section(evidence: Evidence, gallery: Gallery) -> dict | None:
 def instrument_line(table: xr.Dataset, name: str) -> InstrumentLine:
     """The line of an instrument."""
     own = _of(table, name)
-    last = own[table["step"].values[own] == table["step"].values[own[-1]]]
+    known = own[np.isfinite(table["cell"].values[own])]  # nor has a step after a collapse a cell
+    last = known[table["step"].values[known] == table["step"].values[known[-1]]] if len(known) else known
     cells = table["cell"].values[last]
     quantities = list(dict.fromkeys(str(one) for one in table["quantity"].values[own]))
     off = table["measured"].values[own] - table["modelled"].values[own]

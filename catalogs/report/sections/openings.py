@@ -25,10 +25,7 @@ SIDE_COLOURS = {"roof": "#0072b2", "walls": "#d55e00", "floor": "#009e73"}  # Ok
 @dataclass(frozen=True)
 class OpeningLine:
     """An excavation after the last step: depth of failure (m) that nine tenths of each of SIDES do not exceed, NaN for
-    a side that it does not have, and the columns of the table of openings for all of it.
-
-    deepest_at: chainage (m) of a drive between which the failure of each of SIDES is deepest; None where there is none.
-    """
+    a side that it does not have, and the columns of the table of openings for all of it."""
 
     name: str
     filled: bool
@@ -44,7 +41,6 @@ class OpeningLine:
     through: float
     modelled: int
     recorded: float
-    deepest_at: tuple[tuple[float, float] | None, ...] = (None,) * len(SIDES)
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict | None:
@@ -95,16 +91,15 @@ def _line(table: xr.Dataset, place: dict[tuple[str, str], int], name: str, row: 
         name, bool(of("filled")), sides, of("depth_largest"), of("failed_volume"), of("failed_volume_step"),
         of("fallen_volume"), of("closure_median"), of("major_stress"), of("major_stress_change"), of("strength_factor"),
         of("through_share"), int(of("events_modelled")), of("events_recorded"),
-        tuple(_deepest_stretch(table, row, side) for side in SIDES),
     )  # fmt: skip
 
 
-def _deepest_stretch(table: xr.Dataset, row: int, side: str) -> tuple[float, float] | None:
-    """Chainage (m) between which the failure of a side is deepest in the drive and the step of a row, the first such
+def deepest_stretch(evidence: Evidence, name: str, side: str) -> tuple[float, float] | None:
+    """Chainage (m) between which the failure of a side of a drive is deepest after the last step, the first such
     stretch of several; None where the excavation is no drive or the side does not fail."""
-    own = (table["side"].values == side) & np.isfinite(table["chainage_from"].values)
-    for column in ("excavation", "step"):
-        own &= table[column].values == table[column].values[row]
+    table = evidence.openings
+    own = (table["excavation"].values == name) & (table["side"].values == side)
+    own &= (table["step"].values == last_step(evidence)) & np.isfinite(table["chainage_from"].values)
     if not own.any():
         return None
     depths, edges = _stairs(table, np.flatnonzero(own), "depth_p90")
@@ -127,8 +122,8 @@ def worst(evidence: Evidence) -> str:
         depths = {side: depth for side, depth in zip(SIDES, line.sides, strict=True) if depth > 0.0}
         if depths:
             side = max(depths, key=lambda one: depths[one])
-            stretch = line.deepest_at[SIDES.index(side)]
-            place = f" ({fixed(stretch[0], 0)} to {fixed(stretch[1], 0)} m along it)" if stretch else ""
+            stretch = deepest_stretch(evidence, line.name, side)
+            place = f" (deepest {fixed(stretch[0], 0)} to {fixed(stretch[1], 0)} m along it)" if stretch else ""
             closed = f", closure {number(1e3 * line.closure, 2)} mm" if np.isfinite(line.closure) else ""
             clauses.append(f"{line.name}, {side} {number(depths[side], 2)} m{place}{closed}")
     where = "Of what stands open, rock" if 0 < len(open_ones) < len(lines) else "Rock"

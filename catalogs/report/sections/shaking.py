@@ -53,7 +53,7 @@ def section(evidence: Evidence, gallery: Gallery) -> dict:
         "displacement": number(1e3 * float(shaking.attrs["displacement"])),
         "depth_source": str(shaking.attrs["depth_source"]),
         "support": json.loads(shaking.attrs["support"]),
-        "demands": _demands(shaking, worst, chosen),
+        "demands": _demands(shaking, chosen),
         "figure": None,
     }
     shaken = [one for one in worst if shaking["velocity"].values[one[1], one[0], chosen] > 0.0]
@@ -77,11 +77,13 @@ def brief(evidence: Evidence) -> str:
         return ""
     chosen = len(shaking["chance"]) // 2
     worst = worst_steps(shaking, chosen)
-    text, demands = _headline(shaking, worst, chosen), _demands(shaking, worst, chosen)
+    text, demands = _headline(shaking, worst, chosen), _demands(shaking, chosen)
     if not demands:
         return text
     first = demands[0]
-    text += f" Largest demand on support: {first['opening']}, {first['side']}, {first['demand']} kJ/m²"
+    text += (
+        f" Largest demand on support: {first['opening']}, {first['side']}, {first['demand']} kJ/m² in {first['step']}"
+    )
     if not first["carried_by"]:
         return f"{text}."
     no_class = first["carried_by"] == NO_CLASS
@@ -164,18 +166,17 @@ def _row(shaking: xr.Dataset, opening: int, step: int, chance: int) -> dict:
     }
 
 
-def _demands(shaking: xr.Dataset, worst: list[tuple[int, int]], chance: int) -> list[dict]:
-    """Demands of the openings, each in the step in which its velocity is largest, the largest demands first."""
-    density, demand = float(shaking.attrs["density"]), shaking["demand"].values
+def _demands(shaking: xr.Dataset, chance: int) -> list[dict]:
+    """Demands at the sides of the openings, each in the step in which it is largest, the largest demands first."""
+    density, demand = float(shaking.attrs["density"]), shaking["demand"].values[:, :, chance]
     has_support = shaking.attrs["support"] != "[]"
+    largest = np.where(np.isnan(demand), -1.0, demand)
     places = [
-        (step, opening, chance, side)
-        for opening, step in worst
-        for side in range(len(shaking["side"]))
-        if np.isfinite(demand[step, opening, chance, side])
+        (int(largest[:, opening, side].argmax()), int(opening), int(side))
+        for opening, side in np.argwhere(largest.max(axis=0, initial=-1.0) >= 0.0)
     ]
     rows = []
-    for step, opening, _, side in sorted(places, key=lambda place: -demand[place])[:MAX_DEMANDS]:
+    for step, opening, side in sorted(places, key=lambda place: -demand[place])[:MAX_DEMANDS]:
         at = (step, opening, chance, side)
         depth = float(shaking["depth"].values[step, opening, side])
         carried = str(shaking["carried_by"].values[at])
@@ -187,7 +188,7 @@ def _demands(shaking: xr.Dataset, worst: list[tuple[int, int]], chance: int) -> 
                 "depth": number(depth, 2),
                 "mass": number(density * depth),
                 "velocity": number(shaking["velocity"].values[step, opening, chance], 2),
-                "demand": number(demand[at] / 1e3, 2),
+                "demand": number(demand[step, opening, side] / 1e3, 2),
                 "interval": between(
                     shaking["demand_interval"].values[at] / 1e3, lambda value, **how: number(value, 2, **how)
                 ),
