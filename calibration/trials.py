@@ -199,7 +199,7 @@ def gains(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float, pl
     counted = [counted_events(events, steps, cut) for events in catalogues]
     for index in range(len(steps)):
         by_run = [location[step == index] for location, step in counted]
-        common = max(MIN_EVENTS, min(len(location) for location in by_run))
+        common = max(MIN_EVENTS, min((len(location) for location in by_run), default=0))
         for run, location in enumerate(by_run):
             samples = [location]
             if len(location) > common:
