@@ -241,6 +241,19 @@ def test_a_dry_run_of_other_settings_makes_nothing_old(copied):
     assert planned(file, folder) == {}
 
 
+def test_another_solid_makes_the_companion_anew_with_the_grid(tmp_path, leave_empty):
+    """In the same command: a job with an input that is `ancient` and made anew is not looked at by Snakemake 9."""
+    mine = changed(TINY, grid_convergence=True)
+    file = write_mine(mine, tmp_path / "files/tiny.yaml")
+    status, text = snakemake(file, tmp_path / "run", interpreter=leave_empty)
+    assert status == 0, text
+    assert "Nothing to be done" in snakemake(file, tmp_path / "run", "--dry-run")[1]
+    write_mine(changed(mine, **WIDER), file)
+    planned = jobs(snakemake(file, tmp_path / "run", "--dry-run")[1])
+    assert planned["grid"] == planned["companion"] == 1
+    assert planned["report"] == 1
+
+
 def test_an_opening_that_gets_an_earlier_month_runs_that_month_and_all_that_follow(tmp_path, fresh, leave_empty):
     """The last month changes nothing of the scene. Its job stays, and runs again from the state before it.
 

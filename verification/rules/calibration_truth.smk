@@ -9,7 +9,7 @@ rule truth_record:
     """The catalogue of a record with known values, on the cells of the trials."""
     input:
         **INPUTS.of("trial", "truth_{record}", settings=lambda wildcards: case_slice(TRIALS, wildcards.record)),
-        cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
+        cells=FILES.own("grid.nc"),  # for the job's memory; not ancient, see the rule companion
     output:
         f"{TRUTH}/records/{{record}}.nc",
     log:

@@ -54,7 +54,7 @@ rule trial:
         **INPUTS.of(
             "trial", "{cells}/{trial}", settings=lambda wildcards: TRIALS.slice_of(wildcards.trial, wildcards.cells)
         ),
-        cells=ancient(FILES.own("grid.nc")),  # for the job's memory alone
+        cells=FILES.own("grid.nc"),  # for the job's memory; not ancient, see the rule companion
         record=ancient(TRIALS.record_check),  # no trial runs for a record that is refused
     output:
         f"{TRIAL_RESULTS}/{{cells}}/{{trial}}.nc",

@@ -66,7 +66,7 @@ rule companion:
     """Run of the mine on cells of twice the size, all stages in one job, with the cores that other jobs leave."""
     input:
         **INPUTS.of("companion"),
-        cells=ancient(FILES.grid),  # for the job's memory alone
+        cells=FILES.grid,  # for the job's memory; not ancient: Snakemake 9 looks at no job below one that runs anew
     output:
         f"{RESULTS}/{COARSE}/grid.nc",
         f"{RESULTS}/{COARSE}/elastic.nc",
