@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from common.errors import InputError
+from common.stage import PARENT
 from verification.benchmarks import ours
 from verification.benchmarks.measuring import DONE, FAILED, NOT_RUN, STOPPED, Unavailable, foreseen, peer_python, watch
 from verification.benchmarks.peers.stope import Block, sizes
@@ -168,6 +169,16 @@ BEGINS = 'print(json.dumps({"begins": True}), flush=True)'
 
 def python(code: str) -> list[str]:
     return [sys.executable, "-c", f"import json, subprocess, sys, time; {code}"]
+
+
+def test_what_a_rule_tells_its_stage_is_not_told_to_codes(monkeypatch):
+    """A stage ends with the parent that the rule names, and imports nothing from the folder of a script."""
+    monkeypatch.setenv(PARENT, "1")
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")
+    answer = {"seconds": 1.0, "converged": True, "reason": ""}
+    code = f"import os; assert not {{'{PARENT}', 'PYTHONSAFEPATH'}} & set(os.environ)"
+    found = watch(python(f"{code}; {BEGINS}; print({json.dumps(json.dumps(answer))})"), 1, 60.0, 10.0)
+    assert found == (DONE, [answer])
 
 
 def test_a_process_is_heard_to_its_end():

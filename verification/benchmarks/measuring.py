@@ -19,7 +19,7 @@ from pathlib import Path
 import psutil
 
 from common.costs import processor_time
-from common.stage import die_with_parent
+from common.stage import PARENT, die_with_parent
 from verification.benchmarks.peers.stope import sizes
 from verification.benchmarks.settings import PEERS, ROOT, Case, Code, Settings
 
@@ -158,7 +158,8 @@ def watch(command: list[str], threads: int, time_limit: float, memory_limit: flo
     The last result has the reason where the command failed or was stopped. The time limit (s) applies to each solution,
     from the line that announces it; the memory limit (GB) applies to all processes of the command together.
     """
-    environment = os.environ | {
+    of_stage = (PARENT, "PYTHONSAFEPATH")  # Of a rule: its parent is not this command's, whose scripts import others.
+    environment = {name: value for name, value in os.environ.items() if name not in of_stage} | {
         "PYTHONPATH": str(ROOT),
         "OMP_NUM_THREADS": str(threads),
         "NUMBA_NUM_THREADS": str(threads),
