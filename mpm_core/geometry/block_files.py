@@ -128,32 +128,40 @@ def _table(
 ) -> pd.DataFrame:
     """The used columns of all blocks; places: columns of x, y and z."""
     column = [header.index(name) for name in places]
-    decimal = "."
     start = place
     for line in lines[place + 1 :]:
         start += 1
         cells = next(csv.reader([line], delimiter=separator), [])
-        if len(cells) <= max(column):
-            continue
-        values = [cells[index].strip() for index in column]
-        plain = [value.replace(",", ".") for value in values]
-        if all(map(_is_number, plain)):
-            decimal = "," if plain != values else "."
+        if len(cells) > max(column) and all(_is_number(cells[index].strip().replace(",", ".")) for index in column):
             break
     else:
         raise InputError("has no block below its header: export the blocks as rows of numbers")
     if start > place + 1:
         logging.info("%s: %d lines below the header hold no block", path, start - place - 1)
-    try:
-        table = pd.read_csv(
+
+    def read(decimal: str) -> pd.DataFrame:
+        return pd.read_csv(
             path, sep=separator, decimal=decimal, skiprows=start, header=None, names=range(len(header)),
             usecols=[header.index(name) for name in used],
             index_col=False,  # of a wider row pandas would take the first cells for an index
             encoding_errors="replace", skipinitialspace=True, low_memory=False,
         )  # fmt: skip
+
+    try:
+        table = read(".")
+        if separator != "," and any(_has_decimal_commas(table[name]) for name in table):
+            table = read(",")
     except (ValueError, OSError) as error:  # pandas' errors of parsing are ValueErrors
         raise InputError(f"is no readable table ({' '.join(str(error).split())[:200]})") from error
     return table.set_axis([header[index] for index in table.columns], axis=1)
+
+
+def _has_decimal_commas(column: pd.Series) -> bool:
+    """True if one cell is a number with a decimal comma; a file may write whole numbers without."""
+    if pd.api.types.is_numeric_dtype(column):
+        return False
+    texts = (str(value).strip() for value in column.unique())
+    return any("," in text and _is_number(text.replace(",", ".")) for text in texts)
 
 
 def _is_number(text: str) -> bool:

@@ -244,7 +244,7 @@ def _is_closed(polyline: LWPolyline | Polyline) -> bool:
 def _unit(path: Path, code: int) -> float | None:
     """Metres of the unit of a drawing's $INSUNITS; None if it names none, NaN if that is not known."""
     if code == 0:
-        logging.info("%s: names no unit ($INSUNITS): metres, unless `units` says otherwise", path)
+        logging.info("%s: names no unit ($INSUNITS): that of frame.grid, else m, unless `units` says otherwise", path)
         return None
     unit = METRES_PER_DXF_UNIT.get(code, math.nan)
     if unit != 1.0:

@@ -4,6 +4,7 @@ A file holds objects, each from a line GOCAD to a line END. Vertices (VRTX, PVRT
 An ATOM or PATOM is one more identifier of a vertex. Properties, which follow coordinates and corners, are not read.
 """
 
+import logging
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from common.errors import InputError
 from mpm_core.geometry.meshes import UNNAMED, Mesh, choose, join, parsed_once, stated_unit
 
-NAME = re.compile(r"(?:HEADER\b[\s{]*)?name\s*:(?P<name>[^}]*)", re.IGNORECASE)
+NAME = re.compile(r"(?:(?:HEADER|HDR)\b[\s{]*)?name\s*:(?P<name>[^}]*)", re.IGNORECASE)
 AXIS_WORD = re.compile(r'"([^"]*)"|(\S+)')
 DOWNWARD = {"DEPTH": True, "ELEVATION": False}  # by the word that follows ZPOSITIVE
 
@@ -52,6 +53,8 @@ def read_gocad(path: Path, element: str | None = None, is_downward: bool = False
     """
     surfaces, unit = _parsed_gocad(path)
     chosen = choose(surfaces, element, "element")
+    if element is None and len(chosen) > 1:
+        logging.warning("%s: its %d surfaces have no names of their own, and are read as one solid", path, len(chosen))
     return join([_turned(*one) if stated not in (None, is_downward) else one for one, stated in chosen]), unit
 
 
@@ -107,7 +110,7 @@ def _parsed_gocad(path: Path) -> tuple[dict[str, list[tuple[Mesh, bool | None]]]
                     if (unit := stated_unit(quoted or bare)) is not None:
                         units[unit] = quoted or bare
             else:
-                in_header |= key.startswith("HEADER")
+                in_header |= key.startswith(("HEADER", "HDR"))
                 if in_header and surface.name == UNNAMED and (found := NAME.match(line.strip())):
                     surface.name = found["name"].strip().strip('"') or UNNAMED
                 in_header &= "}" not in line

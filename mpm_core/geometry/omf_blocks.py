@@ -59,7 +59,13 @@ def read_block_omf(
     models, own_unit = _models_2(content) if is_2 else _models_1(content)
     if not models:
         raise InputError("holds no block model: export one")
-    grid = choose(models, element, "block model")[0]
+    every = [model for same_name in models.values() for model in same_name]
+    found = every if element is None else choose(models, element, "block_model.element")
+    if len(found) > 1:
+        raise InputError(
+            f"has {len(found)} block models: name one of its own name by block_model.element: {shown(models)}"
+        )
+    grid = found[0]
     if not is_2 and counted_first is None:
         raise InputError(
             "is of OMF 1, which does not say how blocks are counted: give block_model.counted_first, u or w"

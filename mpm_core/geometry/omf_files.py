@@ -48,7 +48,7 @@ class Project(NamedTuple):
 def read_omf(path: Path, element: str | None = None) -> tuple[Mesh, float | None]:
     """The surfaces of the name `element`, each moved by its own origin and the project's, and metres of their unit."""
     surfaces, others, unit = _parsed_omf(path)
-    if others and (not surfaces or element in others):
+    if others and element not in surfaces and (not surfaces or element in others):
         names = ", ".join(others)
         raise InputError(f"{names}: no triangulated surface (points, lines, blocks or a height field): export one")
     return join(choose(surfaces, element, "element")), unit

@@ -113,6 +113,8 @@ def read_solid(path: str | Path, name: str, picked: Picked | None = None, **keys
     (vertices, facets), own_unit = _read(path, name, readers[ending])
     if len(facets) and (np.min(facets) < 0 or np.max(facets) >= len(vertices)):
         raise InputError(f"{path}: {name}: has triangles of vertices that it does not hold: export it again")
+    used, facets = np.unique(facets, return_inverse=True)  # what no triangle uses may lie anywhere
+    vertices, facets = vertices[used], facets.reshape(-1, 3)
     single = vertices if vertices.dtype == np.float32 else None
     vertices = _placed(path, name, picked, vertices.astype(np.float64), own_unit)
     if not np.isfinite(vertices).all():

@@ -70,6 +70,28 @@ def test_separators_decimal_commas_and_ends_of_lines(tmp_path):
     check(read(write(tmp_path / "blocks.txt", header.replace(";", "\t"), separator="\t")))
 
 
+def test_a_decimal_comma_is_found_in_any_column_and_row(tmp_path):
+    """Centroids are often whole numbers; properties were then lost, or the file was refused."""
+    header = "XC;YC;ZC;XINC;YINC;ZINC;E;ROCK"
+    lines = [
+        header,
+        "1005;2005;105;10;10;10;27;a,b",
+        "1015;2005;105;10;10;10;27,5;1,2,3",
+        "1025;2005;105;10;10;10;30;c",
+    ]
+    (tmp_path / "blocks.csv").write_text("\n".join(lines))
+    table = read(tmp_path / "blocks.csv", wanted=("E", "ROCK"))
+    assert table.columns["E"].tolist() == [27.0, 27.5, 30.0]
+    assert table.columns["ROCK"].tolist() == ["a,b", "1,2,3", "c"]
+    (tmp_path / "blocks.csv").write_text("\n".join([*lines[:2], lines[2].replace("1015;", "1012,5;")]))
+    assert read(tmp_path / "blocks.csv").blocks.lower[:, 0].tolist() == [1000.0, 1007.5]
+    (tmp_path / "blocks.csv").write_text(
+        "\n".join([*lines, "1035.5;2005;105;10;10;10;30;c", "1045,5;2005;105;10;10;10;30;c"])
+    )
+    with pytest.raises(InputError, match=r"column 'XC': block 5 of 5 has '1045,5'"):
+        read(tmp_path / "blocks.csv")
+
+
 def test_columns_by_name_and_other_columns_beside_them(tmp_path):
     header = "id,Mitte X,Mitte Y,Mitte Z,bx,by,bz,ROCK,,id"
     path = write(tmp_path / "blocks.csv", header, [(n, *row, "", n) for n, row in enumerate(ROWS)])
@@ -184,6 +206,21 @@ def test_omf_without_a_unit_has_that_of_the_mines_grid(tmp_path):
         write_omf_2(tmp_path / "a.omf", geometry, [], {}, units=units)
         model = {"file": str(tmp_path / "a.omf"), "material": "host", "grid": {"units": "ft"}}
         assert read_blocks(PlacedBlocks.of(model, "block_model")).blocks.origin[0] == 100.0 * metres
+
+
+def test_of_several_block_models_one_is_named(tmp_path):
+    """It told of a key that is none, and "*" gave the first of them."""
+    geometry = {"orient": {"origin": [0.0] * 3}, "grid": {"type": "Regular", "size": [1] * 3, "count": [1] * 3}}
+    models = [
+        {"name": name, "geometry": {"type": "BlockModel", **geometry}, "attributes": []} for name in ("a", "b", "b")
+    ]
+    write_omf_2(tmp_path / "m.omf", geometry, [], {}, elements=models)
+    for element in (None, "*", "b"):
+        with pytest.raises(InputError, match=r"has [23] block models.* by block_model.element: a, b"):
+            read_block_omf(tmp_path / "m.omf", element, None, None, [])
+    assert len(read_block_omf(tmp_path / "m.omf", "a", None, None, []).blocks.lower) == 1
+    with pytest.raises(InputError, match=r"block_model.element 'c' is not one of a, b"):
+        read_block_omf(tmp_path / "m.omf", "c", None, None, [])
 
 
 def place(name: str, count: int) -> dict:

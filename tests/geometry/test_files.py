@@ -183,6 +183,18 @@ def test_repeated_and_flat_triangles_are_dropped_and_opposite_ones_kept(tmp_path
     assert len(read_solid(path, "stope").facets) == 13
 
 
+def test_vertices_that_no_triangle_uses_decide_nothing(tmp_path):
+    """One is no number, one far away; beside a flat sheet one made it bound a volume."""
+    beside = np.array([[np.nan, 0.0, 0.0], [1e12, 0.0, 0.0]])
+    trimesh.Trimesh(np.concatenate([beside, BOX.vertices]), BOX.facets + 2, process=False).export(tmp_path / "a.ply")
+    assert read_solid(tmp_path / "a.ply", "a").volume == pytest.approx(BOX.volume)
+    flat, above = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0.0, 0.0, 5.0]])
+    facets = np.array([[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]) + 1
+    trimesh.Trimesh(np.concatenate([above, flat]), facets, process=False).export(tmp_path / "b.ply")
+    with pytest.raises(InputError, match="is flat"):
+        read_solid(tmp_path / "b.ply", "b")
+
+
 @pytest.mark.parametrize("ending", ["stl", "obj", "ply", "dxf", "omf", "ts"])
 @pytest.mark.parametrize("content", [b"", b"\n", b"not a solid at all\n", bytes(range(256)) * 8])
 def test_empty_or_unreadable_file_is_refused_by_name(tmp_path, ending, content):

@@ -108,6 +108,7 @@ def test_a_file_of_hundreds_of_objects_is_parsed_once_until_it_changes(tmp_path,
         "HEADER{{\n  NAME : {}  \n}}",
         "HEADER name:{}",
         "HEADER\n{{\nname:{}\n}}",
+        "HDR name:{}",
     ],
 )
 def test_forms_of_a_header(tmp_path, header):
@@ -138,6 +139,13 @@ def test_a_file_without_names_is_one_body(tmp_path):
     path = tmp_path / "mine.ts"
     path.write_text(tsurf("x", BOX.vertices, BOX.facets).replace("name: x\n", ""))
     assert [(body.name, body.keys) for body in bodies_in(path)] == [("mine", {})]
+
+
+def test_surfaces_without_names_are_one_solid_with_a_warning(tmp_path, caplog):
+    other = tsurf("x", BOX.vertices + np.array([100.0, 0.0, 0.0]), BOX.facets)
+    (tmp_path / "mine.ts").write_text((tsurf("x", BOX.vertices, BOX.facets) + other).replace("name: x\n", ""))
+    assert read_solid(tmp_path / "mine.ts", "s").volume == pytest.approx(128)
+    assert "its 2 surfaces have no names of their own" in caplog.text
 
 
 @pytest.mark.parametrize(

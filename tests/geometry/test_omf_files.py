@@ -132,6 +132,17 @@ def test_elements_of_omf_2_that_are_no_surfaces_are_named(tmp_path):
         read_solid(path, "stope")
 
 
+def test_a_surface_may_have_the_name_of_what_is_none(tmp_path):
+    """Contacts and the surface through them are often called alike; the surface was refused."""
+    path = tmp_path / "mine.omf"
+
+    def with_points(index, files):
+        index["elements"].append({"name": "dyke", "geometry": {"type": "PointSet"}})
+
+    write_omf_2(path, {"dyke": BOX}, change=with_points)
+    assert read_solid(path, "s", element="dyke").volume == pytest.approx(64)
+
+
 def test_a_file_of_omf_2_is_parsed_once(tmp_path, monkeypatch):
     path, parsed = tmp_path / "mine.omf", []
     write_omf_2(path, {f"S{number}": BOX for number in range(4)})
