@@ -44,6 +44,10 @@ def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
     others = {prefix: name for prefix, name in root.nsmap.items() if prefix and not name.startswith(NAMESPACE_START)}
     plain = etree.Element(f"{{{ROOT}}}quakeml", nsmap={**others, None: BODY, "q": ROOT})
     _copy_parts(root, plain)
+    catalogs = plain.findall(f"{{{BODY}}}eventParameters")
+    for other in catalogs[1:]:  # of files that were joined; ObsPy reads the first alone
+        catalogs[0].extend(other.findall(f"{{{BODY}}}event"))
+        plain.remove(other)
     words: list[Words] = []
     for event in plain.iterfind(f"{{{BODY}}}eventParameters/{{{BODY}}}event"):
         kind = event.find(f"{{{BODY}}}type")

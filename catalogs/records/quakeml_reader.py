@@ -38,6 +38,7 @@ NAME = "quakeml"
 READS_FOLDER = False
 FILTERED_TEXTS = (EVENT_TYPE, STATUS, MODE)  # Kinds of text that filters may ask for.
 REJECTED = "rejected"
+MAX_FRAME_DIFFERENCE = 0.1  # m, by which one place may differ in two frames that are meant to be one
 # Coordinates of an origin, and the largest magnitude of each.
 GLOBE_LIMITS = {"latitude": 90.0, "longitude": 180.0, "depth": np.inf}
 
@@ -168,15 +169,34 @@ def _leave_out_rejected(event: "Event") -> None:
 def _relabelled(record: xr.Dataset, settings: RecordSlice, path: Path) -> xr.Dataset:
     """Set mine, kind and location error of a record read from a file of this project to those of the configuration.
 
-    Returns the same dataset. Raises InputError for a magnitude that no event has.
+    Returns the same dataset. Raises InputError for a magnitude that no event has, for a catalogue that a model made and
+    that is not said to be a twin, and for one whose x, y and z are those of another frame.
     """
     check_sizes(record["mw"].values, str(path))
+    if record.attrs["kind"] != "recorded" and not settings.twin:
+        raise InputError(f"{path}: is {record.attrs['kind']}, made by a model: say record.twin: true, or name a record")
+    _check_frame(record, settings, path)
     record.attrs |= {
         "mine": settings.mine or record.attrs["mine"],
         "kind": "twin" if settings.twin else "recorded",
         "location_error": settings.location_error,
     }
     return record
+
+
+def _check_frame(record: xr.Dataset, settings: RecordSlice, path: Path) -> None:
+    """Raise InputError if the x, y and z of a catalogue are elsewhere on the globe in the frame of the mine file."""
+    from catalogs.sources.geographic_frame import MineFrame
+
+    own, location = record.attrs.get("frame"), record["location"].values
+    if not own or not (settings.frame and settings.frame.has_place) or not len(location):
+        return
+    moved = MineFrame(settings.frame).to_map(*MineFrame(own).to_globe(location)) - location
+    if np.abs(moved).max() > MAX_FRAME_DIFFERENCE:
+        raise InputError(
+            f"{path}: has x, y and z in another frame, in which its events lie {np.abs(moved).max():.3g} m from where "
+            "frame places them: write it again in the frame of the mine file, or give that of the file"
+        )
 
 
 def _foreign(

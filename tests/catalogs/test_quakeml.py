@@ -236,6 +236,42 @@ def test_our_own_file_as_a_record_keeps_every_bit_and_takes_the_filter(catalog, 
     assert record["location"].values.tobytes() == catalog["location"].values[kept].tobytes()
 
 
+def test_our_own_file_is_no_record_unless_it_is_said_to_be_a_twin(catalog, tmp_path):
+    write_quakeml(catalog, tmp_path / "own.xml")
+    settings = SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "own.xml")}
+    with pytest.raises(InputError, match=r"own.xml: is synthetic, made by a model: say record.twin: true"):
+        read_record(settings)
+    write_quakeml(catalog.assign_attrs(kind="recorded"), tmp_path / "own.xml")
+    assert read_record(settings).attrs["kind"] == "recorded"
+
+
+def test_our_own_file_of_another_frame_is_refused(catalog, tmp_path):
+    """Its x, y and z were taken as they are, a kilometre off in the frame of now."""
+    write_quakeml(catalog, tmp_path / "own.xml")
+    settings = SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "own.xml"), "twin": True}
+    frame = json.loads(catalog.attrs["frame"])
+    same = read_record(settings | {"frame": frame})
+    np.testing.assert_array_equal(same["location"], catalog["location"])
+    with pytest.raises(InputError, match=r"own.xml: has x, y and z in another frame, .* 1.11e\+03 m from where"):
+        read_record(settings | {"frame": frame | {"latitude": frame["latitude"] + 0.01}})
+    assert read_record(settings | {"frame": {"surface": "0 m"}}).sizes == same.sizes
+
+
+def test_files_joined_into_one_keep_all_their_events(catalog, tmp_path):
+    """ObsPy reads the first of several eventParameters; it was a traceback."""
+    settings = foreign(catalog, tmp_path / "record.xml")
+    one = read_record(settings)
+    path = tmp_path / "record.xml"
+    text = path.read_text()
+    (start, end) = (
+        re.search("<eventParameters", text).start(),
+        text.index("</quakeml>") if "</quakeml>" in text else (text.index("</q:quakeml>")),
+    )
+    again = text[start:end].replace("smi:", "smi:again.").replace("quakeml:", "quakeml:again.")
+    path.write_text(text[:end] + again + text[end:])
+    assert read_record(settings).sizes["event"] == 2 * one.sizes["event"]
+
+
 def test_a_foreign_file_states_the_error_of_each_event(catalog, tmp_path):
     """In degrees and metres, as a circle and a depth at a level, as an ellipsoid; one without depth has none. All are
     root mean square errors in 3-D, and the comparison takes the record's own where an event has none."""
@@ -380,7 +416,10 @@ def test_origins_that_are_nowhere_or_never_are_one_line(catalog, tmp_path, key, 
 def test_a_file_is_what_it_holds_not_what_it_is_called(catalog, tmp_path):
     """ObsPy unpacks whatever is called .zip."""
     write_quakeml(catalog, tmp_path / "own.zip")
-    assert read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "own.zip")}).sizes["event"] == 30
+    assert (
+        read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "own.zip"), "twin": True}).sizes["event"]
+        == 30
+    )
     (tmp_path / "text.zip").write_text("no archive")
     with pytest.raises(InputError, match=r"text.zip: not QuakeML"):
         read_record(SETTINGS | {"reader": "quakeml", "file": str(tmp_path / "text.zip")})
