@@ -140,8 +140,12 @@ def where(evidence: Evidence) -> list[str]:
     rows = opening_rows(evidence, [events], [np.ones(events.sizes["event"], bool)])
     if not rows:
         return []
+    distance = nearest_mined(evidence, events)[1]
+    distance = distance[np.isfinite(distance)]  # NaN: nothing is open yet
+    if not len(distance):
+        return []
     first = max(rows, key=lambda row: row.sides[0].potency)
     return [
-        f"Half of the events lie within {number(np.median(nearest_mined(evidence, events)[1]), 2)} m of an excavation; "
+        f"Half of the events lie within {number(np.median(distance), 2)} m of an excavation; "
         f"{percent(first.sides[0].share)} of the potency is nearest to {first.name}."
     ]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import report_fixtures as fixtures
+from catalog_fixtures import made_up_catalog
 from csv_fixtures import read, refused
 
 from catalogs.report.sections import parameters as page
@@ -135,6 +136,24 @@ def test_a_recorded_event_beyond_the_modelled_law_is_said(evidence):
     assert page.contradicted({"Recorded (twin)": record}) == []
     model.attrs["potency_floor"] = np.nan
     assert page.contradicted({"Modelled": model, "Recorded (twin)": record}) == []
+
+
+@pytest.mark.parametrize("width", [0.15, 0.3])
+def test_of_rounded_sizes_those_of_bins_above_the_cut_count(width):
+    """A record's cut is a bin's lower edge: the bin below it, in which events are missing, was taken in."""
+    generator = np.random.default_rng(2)
+    sizes = generator.exponential(1 / (0.6 * np.log(10)), 3000) - 1.0
+    sizes = width * np.round(sizes[generator.random(3000) < np.clip(2.0 * (sizes + 1.0), 0.0, 1.0)] / width)
+    record = made_up_catalog(len(sizes), kind="recorded")
+    record["potency"].values[:] = 10.0**sizes
+    edge, found = page.cut_of("Recorded", record)
+    assert found == pytest.approx(width)
+    assert round(edge / width - 0.5, 6) == round(edge / width - 0.5)
+    above = np.count_nonzero(sizes > edge)
+    assert f"the largest of {above:,} events above the cut" in page.possible("Recorded", record, (edge, found))
+    (sentence,) = page.declustered(record, "Recorded")
+    assert f"{above:,} events" in sentence
+    assert f"from log P {page.fixed(edge, 2)} on" in sentence
 
 
 def test_only_the_largest_of_many_events_are_declustered(evidence, tmp_path, monkeypatch):

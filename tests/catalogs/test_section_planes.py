@@ -151,6 +151,13 @@ def test_the_report_shows_chosen_planes(mine, tmp_path, monkeypatch):
     assert planes.section(evidence, Gallery()) is None
 
 
+def test_the_point_of_a_plane_is_told_to_the_decimetre():
+    """Of six digits a northing had ten metres."""
+    assert "(512345.3, 4096123.4, -55.0) m" in planes.about(
+        Plane.of([512345.26, 4096123.4, -55.0], 30.0, 70.0), 5.0, {}
+    ).replace("\u2212", "-")
+
+
 def test_only_events_near_a_plane_are_drawn(mine):
     """On both sides of it, at their coordinates in it."""
     evidence = fixtures.evidence_of(**mine.arguments())

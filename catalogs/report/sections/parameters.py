@@ -74,7 +74,7 @@ def by_catalogue(evidence: Evidence) -> dict[str, tuple[xr.Dataset, xr.Dataset, 
     if record is not None and record.sizes["event"]:
         count, flat = record.sizes["event"], evidence.grid.attrs["plane"] != "none"
         energy = record[RADIATED_ENERGY.name].values if RADIATED_ENERGY.name in record else np.full(count, np.nan)
-        own = parameters(record, energy, 2 if flat else 3, None)
+        own = parameters(record, energy, 2 if flat else 3, evidence.grid.attrs["thickness"] if flat else None)
         for field in (SOURCE_RADIUS, STATIC_STRESS_DROP):
             if field.name in record:
                 own[field.name].values[:] = record[field.name].values
@@ -108,12 +108,11 @@ def declustered(record: xr.Dataset, label: str) -> list[str]:
     """Sentence on the declustered number of a record: of the events from its cut on, if there is one."""
     if record.attrs["kind"] == "twin":
         return [f"{label}: a twin has the times of a model, which are evenly spread over each step."]
-    cut, width = cut_of(label, record)
+    cut, _ = cut_of(label, record)
     size = log_potency(record["potency"].values)
-    cut -= 0.5 * width + ROUND_OFF
     if np.isfinite(size).sum() > MAX_DECLUSTERED:
         cut = np.fmax(cut, np.sort(size[np.isfinite(size)])[-MAX_DECLUSTERED])
-    used = record.isel(event=np.flatnonzero(size >= cut)) if np.isfinite(cut) else record
+    used = record.isel(event=np.flatnonzero(size >= cut - ROUND_OFF)) if np.isfinite(cut) else record
     found = decluster(used["time"].values, used["location"].values, used["mw"].values)
     events = plural(found.count, "event") + (f" from log P {fixed(cut, 2)} on" if np.isfinite(cut) else "")
     if found.count < MIN_EVENTS:
@@ -128,7 +127,7 @@ def declustered(record: xr.Dataset, label: str) -> list[str]:
 
 def cut_of(label: str, events: xr.Dataset) -> tuple[float, float]:
     """log10 potency from which a catalogue is complete, and the width of its bins: of the model the floor of the cells,
-    of a record as its sizes show."""
+    of a record as its sizes show: of rounded sizes the lower edge of a bin."""
     if label == MODEL_LABEL:
         floor = float(events.attrs.get("potency_floor", np.nan))
         return (np.log10(floor) if floor > 0 else np.nan), 0.0
@@ -145,7 +144,8 @@ def possible(label: str, events: xr.Dataset, cut: tuple[float, float]) -> str:
     counted = events["resolved"].values == 1
     if not np.isfinite(cut[0]):
         return f"{label}: it is complete from no size on, so it has no law of sizes and no largest possible event."
-    found = largest_possible(log_potency(events["potency"].values[counted]), *cut)
+    edge, width = cut
+    found = largest_possible(log_potency(events["potency"].values[counted]), edge + 0.5 * width, width)
     if not np.isfinite(found.seen):
         return f"{label}: too few events above the cut to tell the largest possible one."
     shear = float(events.attrs["shear_modulus"])

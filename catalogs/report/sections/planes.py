@@ -19,7 +19,7 @@ from catalogs.figures.planes import FILLED, ROCK, VOID, look_up
 from catalogs.report.evidence import Evidence, shown_catalogues
 from catalogs.report.gallery import Gallery
 from catalogs.report.sections.rock import FAILED, MAX_STRENGTH_FACTOR_SHOWN, TOO_COARSE
-from catalogs.report.text import number
+from catalogs.report.text import fixed, number
 from catalogs.settings import SectionPlane
 from catalogs.sources.section_planes import Plane, along_excavation
 from catalogs.sources.sizes import log_potency
@@ -65,7 +65,7 @@ def _shown(evidence: Evidence, gallery: Gallery, chosen: SectionPlane) -> dict:
 
 def about(plane: Plane, within: float, counts: dict[str, int]) -> str:
     """Sentences on where the plane is and which events it shows; counts: events by label of the catalogue."""
-    x, y, z = (number(value, 6) for value in plane.point)
+    x, y, z = (fixed(value, 1) for value in plane.point)
     text = f"The plane passes through ({x}, {y}, {z}) m. Its strike is {plane.strike:.0f}° and its dip {plane.dip:.0f}°"
     text += " (to the right of the strike)." if 0.0 < plane.dip < 90.0 else "."
     drawn = " and ".join(f"{count} {label[0].lower()}{label[1:]}" for label, count in counts.items())
