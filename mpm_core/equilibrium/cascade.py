@@ -249,6 +249,7 @@ def begin_increment(
     """Begin the next increment: apply its load and its strain of the boundary. Where increments are chosen, it reaches
     equilibrium before anything fails, and smaller ones are tried until one is accepted."""
     before = snapshot(scheme.body.state) if increments.chosen else {}
+    start, rest = scheme.body.start, scheme.body.rest  # which a strain of the boundary moves
     while True:
         increments.begin(history)
         if ramp.strain.any():
@@ -263,6 +264,7 @@ def begin_increment(
             if len(error.loose) or increments.shrink(history):
                 raise
         scheme.go_back(before)
+        scheme.body.start, scheme.body.rest = start, rest
 
 
 def run_cascade(

@@ -45,7 +45,8 @@ class MovingBody(Body):
         self.lookup = leaf_lookup(model.grid)
         self.cell_index, self.cell_width = model.grid.cell_index, model.grid.cell_width
         self.cell_size = model.grid.cell_size
-        self.xi = (state.position - model.grid.centers(state.cell)) / (0.5 * self.cell_size[state.cell])[:, None]
+        self.model, self.state = model, state
+        self.xi = self._place_in_cells()
         self.velocity = np.zeros((model.particles.count, dimension))
         self.acceleration = np.zeros_like(state.velocity)
         self.dissipated = np.zeros(model.particles.count)  # by flow, J/m3
@@ -152,6 +153,14 @@ class MovingBody(Body):
         dissipate(self.state, FLOW, self.dissipated * self.volume)
         self.dissipated[:] = 0.0
 
+    def go_back(self, snapshot: dict[str, np.ndarray]) -> None:
+        """Return to a state kept earlier, with particles where they were, at rest."""
+        self.dissipated[:] = 0.0
+        super().go_back(snapshot)
+        self.velocity[:], self.acceleration[:] = 0.0, 0.0
+        self.xi = self._place_in_cells()
+        self._relocate()
+
     def stop_drift(self) -> None:
         """Remove rigid motions that nothing holds from the particles' velocity."""
         if self.free.count:
@@ -160,6 +169,11 @@ class MovingBody(Body):
 
     def check_reach(self, ratio: float) -> None:
         """Check nothing: particles may move any distance, and _relocate raises if one leaves the domain."""
+
+    def _place_in_cells(self) -> np.ndarray:
+        """Places (particle, d) of the state in its cells, -1 to 1."""
+        cell = self.state.cell
+        return (self.state.position - self.model.grid.centers(cell)) / (0.5 * self.cell_size[cell])[:, None]
 
     def _position(self) -> np.ndarray:
         cell = self.state.cell

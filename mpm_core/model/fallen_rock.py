@@ -10,6 +10,7 @@ from mpm_core.model.occupancy import ROCK_OWNER, Changes, Unsupported
 from mpm_core.model.unsupported import find_unsupported
 
 SIDES = ("back", "floor", "wall")  # of an opening
+VOLUME_ROUND_OFF = 1e-9  # Of a difference of volumes, as a share of what is mined.
 MIN_UPRIGHT = 0.5  # Rock is at the back or floor if this share of its distance from the opening is upright.
 
 
@@ -28,9 +29,9 @@ def coming_loose(
     start, other = face_neighbors(grid, cell)
     own = np.repeat(number, np.diff(start))
     linked = number[other] >= 0
-    graph = scipy.sparse.coo_array(
-        (np.ones(linked.sum(), np.int8), (own[linked], number[other[linked]])), shape=(len(cell), len(cell))
-    )
+    # parts of one cell hang together, too
+    ends = np.append(own[linked], np.arange(len(cell))), np.append(number[other[linked]], number[cell])
+    graph = scipy.sparse.coo_array((np.ones(len(ends[0]), np.int8), ends), shape=(len(cell), len(cell)))
     piece = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
     piece = np.argsort(np.argsort(-np.bincount(piece), kind="stable"))[piece]
     kind = np.int32
@@ -58,7 +59,7 @@ def mined_volume(model: Model, step: int) -> float:
     falls = model.unsupported.of(model.unsupported.fall > 0)
     fallen = part_volumes(model, falls)
     now = float(volume[changes.step[of_rock] == step].sum() - fallen[falls.step == step].sum())
-    return now if now > 0.0 else float(volume.sum() - fallen.sum())
+    return now if now > VOLUME_ROUND_OFF * volume.sum() else float(volume.sum() - fallen.sum())
 
 
 def describe_falls(model: Model, step: int) -> list[dict]:
@@ -68,7 +69,9 @@ def describe_falls(model: Model, step: int) -> list[dict]:
     fallen = model.unsupported.of(model.unsupported.falls_in(step))
     volume, center = part_volumes(model, fallen) * scene.thickness, grid.centers(fallen.cell)
     mined = np.array([0 <= excavation.mined <= step for excavation in scene.excavations] or [False])
-    pieces = model.pieces.of(mined[model.pieces.excavation])
+    open_before = mined[model.pieces.excavation]
+    whole = open_before & ~np.isin(model.pieces.cell, fallen.cell)  # a cell that walls cut is not beside itself
+    pieces = model.pieces.of(whole if whole.any() else open_before)
     places, found = scipy.spatial.cKDTree(grid.centers(pieces.cell)), []
     for piece in np.unique(fallen.piece):
         own = np.flatnonzero(fallen.piece == piece)

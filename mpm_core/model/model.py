@@ -6,6 +6,7 @@ from types import ModuleType
 
 import numpy as np
 
+from common.errors import InputError
 from mpm_core.constitutive.laws import can_fail, law_of_all, rows_of_all
 from mpm_core.geometry.inside import SAMPLES_PER_CELL
 from mpm_core.grid.adjacency import holding_cells
@@ -300,6 +301,11 @@ def with_edges(
 ) -> Particles:
     """These particles with rock next to the edges of a step in the rows of their kind (edge_factor.py)."""
     row = particles.material % materials
+    if materials * (1 + len(kinds.code)) > (most := np.iinfo(row.dtype).max):
+        raise InputError(
+            f"materials: {materials} of them, at {len(kinds.code)} kinds of edges of excavations, are more than {most} "
+            "kinds of rock: give fewer values of block_model.properties, or grid.cut_cells: whole"
+        )
     number = kinds_at_cells(openings.edge_points(step), grid, particles.distorted, kinds)[particles.cell]
     row[particles.is_rock] += ((1 + number) * materials).astype(row.dtype)[particles.is_rock]
     return replace(particles, material=row)

@@ -64,12 +64,13 @@ class Checkpoint:
         full: bool = False,
         fallen: Unsupported | None = None,
         displacement_before: np.ndarray | None = None,
+        start: np.ndarray | None = None,
     ) -> None:
         """Write state, the cells that it has, and the convergence table, if it is time to.
 
         in_step_subdomain: True if they are those of the step's subdomain; places (k, d) each: what was split, full:
         whether no more may be; fallen: what has fallen in this step; displacement_before (node, d) m: at its start
-        (step_cells.py).
+        (step_cells.py); start (node, d) m: where displacement is counted from in the check for a run away (body.py).
         """
         now = time.perf_counter()
         if now - self.last < max(self.pause, self.cost / MAX_WRITING_SHARE):
@@ -86,6 +87,8 @@ class Checkpoint:
             cells |= _named("fallen_", vars(fallen or Unsupported.none()))
             if displacement_before is not None:
                 cells["displacement_before"] = displacement_before
+            if start is not None:
+                cells["start"] = start
             np.savez(file, key=self.key, taken=CLOCK.taken(), **counters | cells | others | of_failed | tables)
         self.last = time.perf_counter()
         self.cost = self.last - now

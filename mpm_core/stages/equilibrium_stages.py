@@ -82,13 +82,8 @@ def mining_step(
     have velocities of their own that no dataset holds).
     """
     step = len(scene.steps) - 1
-    if previous.attrs.get("collapsed") and scene.solver.collapse == "fall":
-        return not_computed(scene, previous)
     if previous.attrs.get("collapsed"):
-        raise InputError(
-            f"steps.{scene.steps[step]}: the step before ended in collapse, nothing can follow it; leave this "
-            "step out, or mine or load less in the one before"
-        )
+        return not_computed(scene, previous)
     saved = {} if checkpoint is None or scene.solver.move else checkpoint.read()
     watched = SolutionMonitor(scene, scene.steps[step], failed_state)
     with watched as history:
@@ -102,13 +97,15 @@ def mining_step(
             at_work.resume(saved)
             Checkpoint.restore(saved, at_work.scheme.body.state, history)
             at_work.renew()
+            at_work.scheme.body.start = saved["start"]
+            at_work.scheme.body.rest = history.last_equilibrium.get("displacement", at_work.scheme.body.rest)
 
         def save(state: State, history: History) -> None:
             if checkpoint is not None and not scene.solver.move:
                 in_step_subdomain = at_work is not cells
                 checkpoint.save(
                     state, history, at_work.model.grid, in_step_subdomain, at_work.places, at_work.full, at_work.fallen,
-                    at_work.displacement_before,
+                    at_work.displacement_before, at_work.scheme.body.start,
                 )  # fmt: skip
 
         def run(step_subdomain: StepSubdomain | None) -> tuple[Scheme, bool]:

@@ -124,7 +124,7 @@ def _of_missing_rock(model: Model, chosen: np.ndarray, step: int) -> tuple[tuple
 def _add_severed(
     model: Model, nodal: np.ndarray, body_force: np.ndarray, pressure: np.ndarray, mined_share: np.ndarray
 ) -> None:
-    """Subtract the virgin forces of whole cells at nodes (node, d) that are severed from them: to these all of the cell
+    """Add the virgin forces of whole cells at nodes (node, d) that are severed from them: to these all of the cell
     is gone, mined or not, and full of what presses on their own walls.
 
     body_force (d,) N/m3; pressure (cell,) Pa or (0,): mean over each cell, of which mined_share (cell,) is mined.

@@ -166,15 +166,33 @@ def refuse_missed(solid: Solid | Outside, cells: GridCells) -> None:
     """Raise InputError for an excavation that no cell has a part of; where all of it may be missed (volume_error) only
     warn. A surface that stands twice, once turned inward, encloses nothing."""
     where = f"excavations.{solid.name}: adds no volume"
+    _refuse_empty(solid, where)
+    thin = f"{where}: it is thinner than a fraction of the finest cell, {cells.size_text()}"
+    if cells.volume_error < 1.0:
+        raise InputError(f"{thin}; use smaller cells (grid.finest_cell, or more grid.levels), or leave it out")
+    logging.warning("%s, and left out", thin)
+
+
+def _refuse_empty(solid: Solid | Outside, where: str) -> None:
     if solid.volume <= BOX_ROUND_OFF * np.prod(np.ptp(solid.bounds, axis=0)):
         raise InputError(
             f"{where}: its surface encloses nothing; where it stands twice, once turned inward, the two cancel: delete "
             "one of them, or leave it out"
         )
-    thin = f"{where}: it is thinner than a fraction of the finest cell, {cells.size_text()}"
-    if cells.volume_error < 1.0:
-        raise InputError(f"{thin}; use smaller cells (grid.finest_cell, or more grid.levels), or leave it out")
-    logging.warning("%s, and left out", thin)
+
+
+def warn_of_missed(bodies: list[Solid | Outside], body: np.ndarray, domain: Domain, cells: GridCells) -> None:
+    """Warn of rock bodies in the domain that no cell is of; body (cell,): as `bodies_at` says. Raise InputError for one
+    that encloses nothing."""
+    for number in np.setdiff1d(np.arange(len(bodies)), body):
+        where, (lower, upper) = f"rock_bodies.{bodies[number].name}", bodies[number].bounds
+        if (upper <= domain.lower).any() or (lower >= domain.upper).any():
+            continue  # read_solids has said so
+        _refuse_empty(bodies[number], where)
+        logging.warning(
+            "%s: no cell has its centre in this rock, so it is left out: its cells are too large (refine: true gives "
+            "it cells of %s), or bodies after it in the mine file cover it", where, cells.size_text(),
+        )  # fmt: skip
 
 
 def touches(solids: list[Solid | Outside], domain: Domain, level: int, index: np.ndarray) -> np.ndarray:
@@ -408,6 +426,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     across = [cells_across(solid, grid.fine_cell, top) for solid in solids]
     narrow = warn_of_narrow(names, across, on_grid, values.grid)
     body = bodies_at(bodies, grid.cell_center, blocks)
+    warn_of_missed(bodies, body, domain, values.grid)
     return grid_dataset(
         grid,
         body,

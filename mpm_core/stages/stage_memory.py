@@ -53,6 +53,6 @@ def require(needed: float, what: str, advice: str) -> None:
 def require_cells(scene: Scene, grid: MultiLevelGrid, elastic: bool = False) -> None:
     """Raise InputError if a stage on this grid would not fit into the memory that is usable now."""
     cells, follows = len(grid.cell_level), scene.refinement is not None
-    particles = cells * scene.particles_per_cell
+    particles = cells * scene.particles_per_cell**grid.dimension  # it counts them along an edge
     needed = stage_bytes(scene.solver.scheme, grid.dimension, cells, particles, elastic, follows)
     require(needed, f"{cells:,} cells", MEMORY_REMEDY)

@@ -141,18 +141,14 @@ class StepCells:
         del body, self.scheme, self.brittle  # gigabytes that nothing needs any more
         model = self.ground.on(grid, old)
         state, volume = transfer(old, state, model), model.volumes(self.step)
-        self._move_to(model, old)
+        self.held_up = transfer_forces(old, self.held_up, model)
+        self.displacement_before = transfer_nodes(old, self.displacement_before, model)
         del old
         self.scheme = make_scheme(model, state, volume)
         self._set_step(model, volume)
         self.refinement = RefinedCells.of(grid)
         state.energy[REFINED] += stored(self.scheme.body, counted) - was
         state.energy[REFINED] -= virgin_work(self.scheme.body, self.moved()) - virgin_was
-
-    def _move_to(self, model: Model, old: Model) -> None:
-        """Take what the step starts with to the nodes of a model, from those of another."""
-        self.held_up = transfer_forces(old, self.held_up, model)
-        self.displacement_before = transfer_nodes(old, self.displacement_before, model)
 
     def _set_step(self, model: Model, volume: np.ndarray) -> None:
         """The step's load and rock that may fail on a model; volume (particle,) m3.
@@ -215,7 +211,8 @@ class StepCells:
         volume = model.volumes(self.step)
         release_mined_hourglass(body, volume)
         follow_walls(old, model, state)
-        self._move_to(model, old)
+        self.held_up = renumber_forces(old, self.held_up, model)  # of a node that falls part, once
+        self.displacement_before = transfer_nodes(old, self.displacement_before, model)
         self.falls = True
         self.scheme = make_scheme(model, state, volume)
         self._set_step(model, volume)

@@ -1,5 +1,6 @@
 """A strained boundary: exact in homogeneous rock, whatever the grid; accumulating, restarting, failing as by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ from mechanics.scenes import (
     random_grid,
     uniform,
 )
+from mpm_core.equilibrium import cascade
+from mpm_core.equilibrium.increments import Increments
 from mpm_core.files.state_datasets import grid_dataset
 from mpm_core.grid.edge_nodes import EdgeNodes
 from mpm_core.grid.edge_points import EdgePoints
@@ -184,3 +187,38 @@ def test_a_strain_that_moves_no_held_face_is_refused(boundary, components, messa
 def test_a_strain_with_particles_that_move_is_refused():
     with pytest.raises(InputError, match=r"strains\.press: .*solver\.move"):
         make_scene(strains=[strain_entry([1e-4, 0, 0, 0, 0, 0])], solver={"move": True}, particles_per_cell=2)
+
+
+def test_increments_that_are_tried_move_the_start_of_motion_once(tmp_path, monkeypatch):
+    """It counts what the rock moves beside its boundary; each try that was undone was counted, too."""
+    components = [0.0, 0.0, -1e-4, 0.0, 0.0, 0.0]
+    scene = make_scene(
+        "xz", host=COULOMB, stress=uniform(-2e6, -2e6, -2e6), strains=[strain_entry(components, since=1)], steps=2,
+        solver={"increments": 0},
+    )  # fmt: skip
+    shape = ball([20.0, 20.0], 4.0)
+    grid = make_dataset(scene, grid_around([shape], [5, 5], 2, 8.0), [])
+    first = replace(scene, steps=scene.steps[:1])
+    state, _ = elastic_stage(first, grid, tmp_path / "f.npz")
+    state, _ = mining_step(first, grid, state, tmp_path / "f.npz")
+    tries, moved, begin = [], [], cascade.begin_increment
+
+    def note(scheme, brittle, ramp, increments, tolerance, history):
+        body = scheme.body
+        start, rest = body.start, body.rest
+        begin(scheme, brittle, ramp, increments, tolerance, history)
+        assert body is scheme.body
+        expected = (body.model.node_position - body.model.grid.origin) @ tensor(components)[::2, ::2]
+        expected = expected * (history.load - history.load_before)
+        for now, before in ((body.start, start), (body.rest, rest)):
+            moved.append(np.abs(now - before - expected).max() / np.abs(expected).max())
+
+    def accept(self, body, brittle, history):
+        tries.append(history.load)
+        return self._resize(0.5, len(tries) > 2, history)
+
+    monkeypatch.setattr(cascade, "begin_increment", note)
+    monkeypatch.setattr(Increments, "accept", accept)
+    mining_step(scene, grid, state, tmp_path / "f.npz")
+    assert len(tries) > 2
+    assert max(moved) < 1e-9

@@ -1,7 +1,9 @@
 """Rock that comes loose falls: the skin of rock between a drive and a stope, both mined in one step."""
 
 import json
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,9 +15,9 @@ from mpm_core.equilibrium import cascade, falls
 from mpm_core.equilibrium.body import Body
 from mpm_core.equilibrium.convergence import NoEquilibrium
 from mpm_core.grid.mesh import MultiLevelGrid
-from mpm_core.model.fallen_rock import coming_loose
-from mpm_core.model.occupancy import ALL_SAMPLES, Changes, Unsupported
-from mpm_core.stages import step_subdomain
+from mpm_core.model.fallen_rock import coming_loose, mined_volume
+from mpm_core.model.occupancy import ALL_SAMPLES, ROCK_OWNER, Changes, Unsupported
+from mpm_core.stages import equilibrium_stages, step_subdomain
 from mpm_core.stages.checkpoint import Checkpoint
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 
@@ -97,6 +99,13 @@ def test_the_back_of_the_drive_falls_and_the_step_comes_to_rest(fallen):
     assert 50.0 < largest["place"]["z"] < 75.0
 
 
+def test_the_back_of_an_opening_that_cuts_cells_falls_from_its_back(tmp_path, monkeypatch):
+    """Half a cell of rock above a drive in the cells that it cuts: each is its own nearest cell of the drive."""
+    monkeypatch.setattr(sys.modules[__name__], "DRIVE", box([30.0, 51.25], [50.0, 56.875]))
+    pieces = json.loads(first_steps(tmp_path)[2][1][1]["falls"])
+    assert (pieces[0]["opening"], pieces[0]["side"]) == ("drive", "back")
+
+
 def test_what_has_fallen_is_gone_and_is_no_event(fallen):
     _, _, found = fallen
     state, facts = found[1]
@@ -127,6 +136,8 @@ def test_without_falls_it_is_an_error_or_the_last_equilibrium(tmp_path):
     assert facts["collapsed"] == 1
     assert "[]" in facts["falls"]
     assert facts["collapse"]
+    _, not_computed = first_steps(tmp_path, count=3, collapse="keep")[2][2]
+    assert not_computed["computed"] == 0
 
 
 def test_rock_that_stands_is_the_same_to_the_bit_with_falls_allowed(tmp_path):
@@ -149,6 +160,32 @@ def test_later_steps_keep_what_has_fallen(tmp_path):
     gone = np.isin(after.cell.values, before.loose_cell.values[fell])
     assert (after.volume.values[gone] == 0.0).all()
     assert (after.failed.values[: before.sizes["particle"]][before.failed.values == 1] == 1).all()
+
+
+def test_what_is_read_in_a_resumed_step_is_counted_from_where_it_was(tmp_path, monkeypatch):
+    """Motion since the last equilibrium tells what falls, and motion in the stage what runs away: it was counted from
+    the checkpoint."""
+    scene, grid, found = first_steps(tmp_path)
+    path, entered, run = tmp_path / "c.npz", [], equilibrium_stages.run_cascade
+
+    def note(scheme, *others):
+        entered.append((scheme.body.start.copy(), scheme.body.rest.copy()))
+        return run(scheme, *others)
+
+    monkeypatch.setattr(equilibrium_stages, "run_cascade", note)
+    apart = 0
+    for saves in (3, 12):
+        dying = KilledAfter(path, "key", pause=0.0)
+        dying.left = saves
+        with pytest.raises(Killed):
+            mining_step(scene, grid, found[0][0], tmp_path / "failed.npz", dying)
+        with np.load(path) as saved:
+            start, rest = saved["start"], saved["rest_displacement"]
+            apart += not np.array_equal(start, saved["displacement"])
+        mining_step(scene, grid, found[0][0], tmp_path / "failed.npz", Checkpoint(path, "key"))
+        np.testing.assert_array_equal(entered[-1][0], start)
+        np.testing.assert_array_equal(entered[-1][1], rest)
+    assert apart
 
 
 def test_killed_after_a_fall_it_goes_on_to_the_same_bytes(tmp_path):
@@ -251,9 +288,32 @@ def test_pieces_that_only_loose_rock_holds_fall_with_it():
     assert sorted(found.cell.tolist()) == sorted([index[1, 0], index[1, 1], index[1, 2]])
     assert (found.piece == 0).all()
     assert (found.fall == 1).all()
+    twice = coming_loose(grid, changes, faces, np.array([index[1, 2], index[1, 2]]), 0)
+    assert (twice.piece == 0).all()  # parts of one cell are one piece
     alone = coming_loose(grid, changes, faces, np.array([index[1, 0]]), 0)
     assert alone.cell.tolist() == [index[1, 0]]
     assert isinstance(found, Unsupported)
+
+
+def test_a_step_that_mines_nothing_may_lose_as_much_as_all_before():
+    """What falls is taken out of what the step mines: the same volumes in another order, which left a round-off."""
+    grid, random = lattice([6, 6]), np.random.default_rng(1)
+    weight = random.random(36)
+    fell, before = np.arange(20, dtype=np.int32), np.arange(20, 36, dtype=np.int32)
+    cell = np.append(before, fell)
+    changes = Changes(
+        cell, np.full(36, ROCK_OWNER, np.int16), np.repeat([0, 1], [16, 20]).astype(np.int32), np.full(36, ALL_SAMPLES)
+    )
+    found = []
+    for _ in range(20):
+        order = random.permutation(fell)
+        loose = Unsupported(order, np.full(20, ALL_SAMPLES), *np.ones((3, 20), np.int32))
+        distorted = SimpleNamespace(part_volumes=lambda cells, samples: weight[cells])
+        model = SimpleNamespace(
+            grid=grid, changes=changes, unsupported=loose, particles=SimpleNamespace(distorted=distorted)
+        )
+        found.append(mined_volume(model, 1))
+    np.testing.assert_allclose(found, weight[before].sum(), rtol=1e-9)
 
 
 def test_time_steps_find_falls_too(tmp_path):

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import psutil
 import pytest
+import trimesh
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -161,6 +162,30 @@ def test_later_rock_bodies_win_and_only_refined_ones_shape_the_grid():
     assert (refined.cell_level == 2).any()
 
 
+def test_rock_that_no_cell_is_of_is_told(caplog):
+    """A sheet between cell centres, and a body that a later one covers; one whose surface encloses nothing is
+    refused, and the rock of its fault was left out without a word."""
+    seam = block([0.0, 0.0, 8.0], [24.0, 24.0, 16.0], "seam", refine=False)
+    sheet = block([5.0, 0.0, 0.0], [6.0, 24.0, 24.0], "sheet", refine=False)
+    make_grid(grid_slice(bodies=[seam]), {})
+    assert "rock_bodies" not in caplog.text
+    make_grid(grid_slice(bodies=[sheet]), {})
+    assert "rock_bodies.sheet: no cell has its centre in this rock, so it is left out" in caplog.text
+    make_grid(grid_slice(bodies=[seam, seam | {"name": "again"}]), {})
+    assert "rock_bodies.seam: no cell" in caplog.text
+    assert "rock_bodies.again" not in caplog.text
+
+
+def test_a_rock_body_that_encloses_nothing_is_refused(tmp_path):
+    outward = trimesh.creation.box(bounds=[[4.0] * 3, [20.0] * 3])
+    inward = outward.copy()
+    inward.invert()
+    trimesh.util.concatenate([outward, inward]).export(tmp_path / "twice.stl")
+    body = {"name": "fault", "file": str(tmp_path / "twice.stl"), "refine": False}
+    with pytest.raises(InputError, match=r"^rock_bodies.fault: its surface encloses nothing"):
+        make_grid(grid_slice(bodies=[body]), {})
+
+
 @pytest.mark.parametrize(("plane", "beyond"), [("xz", 0.0), (None, 0.0), (None, 3.0)])
 def test_what_a_solid_leaves_of_the_domain_is_mined(plane, beyond):
     """A disc or a cylinder of 9 m radius in 24 m, its ends at or beyond the faces: the rest is the excavation, to 1 %,
@@ -202,7 +227,7 @@ def test_too_little_memory_is_said_before_anything_is_built(monkeypatch):
 
 def test_too_little_memory_for_a_stage_is_said_before_it_starts(monkeypatch, tmp_path):
     """More particles to a cell than the grid counted with may be too many."""
-    scene = make_scene(excavations=[excavation()], particles_per_cell=8)
+    scene = make_scene(excavations=[excavation()], particles_per_cell=2)
     grid = make_dataset(scene, grid_around([ball([10.0] * 3, 3.0)], (5, 5, 5), 1, 4.0), [ball([10.0] * 3, 3.0)])
     needed = stage_bytes("explicit", 3, 125, 1000, elastic=True)
     monkeypatch.setattr(stage_memory, "usable", lambda: needed - 1.0)

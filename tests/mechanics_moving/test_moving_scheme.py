@@ -9,6 +9,7 @@ from mpm_core.equilibrium.explicit_scheme import ExplicitScheme
 from mpm_core.equilibrium.moving_scheme import MovingScheme
 from mpm_core.files.state_datasets import read_state
 from mpm_core.model.model import build_model
+from mpm_core.model.state import snapshot
 from mpm_core.stages.equilibrium_stages import elastic_stage, mining_step
 from mpm_core.stages.external_forces import external_force
 from tests.mechanics.scenes import (
@@ -149,3 +150,33 @@ def test_steps_start_where_particles_came_to_rest(tmp_path):
     np.testing.assert_allclose(
         first.displacement.values[:, [0, 2]], first.position.values[:, [0, 2]] - model.particles.position
     )
+
+
+def test_going_back_puts_particles_and_energy_where_they_were():
+    """Strain that runs away across cells is undone: places in cells, velocity, and what flow has dissipated."""
+    shape, grid = cavity(2)
+    scene = make_scene(
+        "xz", host=COULOMB, stress=uniform(-30e6, -20e6, -18e6, 0.0, 3e6), excavations=[excavation()],
+        particles_per_cell=2, cut_cells="whole",
+    )  # fmt: skip
+    model = make_model(scene, grid, [shape])
+    scheme = MovingScheme(model, model.virgin_state(), model.volumes(0))
+    body, state, force = scheme.body, scheme.body.state, external_force(model, 0)
+    kept = snapshot(state, True)
+    before = {name: np.copy(value) for name, value in vars(state).items()}
+    state.failed[:] = 0
+    scheme.set_failed()
+    for _ in range(300):
+        body.update(body.time_step)
+        body.advance(10.0 * force, body.time_step)
+    assert body.dissipated.any()
+    assert (state.cell != before["cell"]).any()
+    scheme.go_back(kept)
+    for name in ("cell", "position", "stress", "displacement", "energy"):
+        np.testing.assert_array_equal(getattr(state, name), before[name], err_msg=name)
+    np.testing.assert_allclose(body._position(), before["position"], rtol=0, atol=1e-9)
+    assert not body.velocity.any()
+    np.testing.assert_array_equal(np.sort(body.cell_particles), np.arange(model.particles.count))
+    for cell in np.unique(state.cell):
+        own = body.cell_particles[body.cell_start[cell] : body.cell_start[cell + 1]]
+        assert (state.cell[own] == cell).all()
