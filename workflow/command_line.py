@@ -22,11 +22,15 @@ ROOM = 1 << 16  # Bytes that a run needs at least: its log, its notes and the fi
 ELSEWHERE = "start in another folder, or name one with --directory"
 targets: list[str] = []
 """What Snakemake was asked for: `check_command_line` notes it, since Snakemake tells a Snakefile nothing of it."""
+cores: int = 0
+"""Cores that it was given; 0 for all there are."""
 
 
 def check_command_line(arguments: argparse.Namespace, words: Sequence[str]) -> None:
     """Check Snakemake's arguments and the words that they were made from, and note the targets. Raises InputError."""
+    global cores
     targets[:] = arguments.targets
+    cores = int(arguments.cores) if str(arguments.cores).isdigit() else 0
     check_files(arguments.configfile)
     if sum(bool(OPTION.match(word)) for word in words) > 1:
         raise InputError(

@@ -3,6 +3,8 @@
 import contextlib
 import copy
 import datetime
+import hashlib
+import json
 import math
 import os
 from collections.abc import Iterable
@@ -10,7 +12,7 @@ from pathlib import Path
 
 from common.errors import InputError, InputErrors, Mistakes
 from common.setting_types import MAX_INTEGER, key_of, short
-from workflow import BASE
+from workflow import BASE, command_line
 from workflow.accuracy import STANDARD
 from workflow.checks import check_mine
 from workflow.key_order import key_in, parts_of, section_of, sorted_by_place
@@ -30,6 +32,7 @@ IN_PLACE = {  # of required keys
 }
 SIZE_KEYS = ("finest_cell", "coarse_cell", "levels")  # of section grid
 LISTS = ("excavations", "rock_bodies", "loads", "strains", "steps")
+REQUESTS = Path(".snakemake/requests")  # next to Snakemake's own notes
 MAX_MISTAKES_SHOWN = 20  # more scroll away
 
 
@@ -110,16 +113,29 @@ def load(
 
 
 def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) -> Mine:
-    """The mine with the grid that a request asks for, as if its file gave that. Raises InputError where it cannot."""
+    """The mine with the grid that a request asks for, as if its file gave that. Raises InputError where it cannot.
+
+    What was chosen is kept in REQUESTS: free memory, and on a cluster the number of cores, is another one at each
+    start, and with other cells all stages would run again.
+    """
     from common.kernel_cache import use_numba_cache
 
     use_numba_cache()
+    from common.datasets import atomic_path
+    from workflow.pilot import stamps
     from workflow.quote import Quotes, available_cores, choose, quote_slice, quote_source
 
     grid = mine.settings.grid
     doubled = bool(mine.written_cells & {"coarse_cell", "levels"}) or "lower" in (mine.text.get("domain") or {})
-    quotes = Quotes(quote_slice(mine), quote_source(), available_cores())
-    cell = choose(quotes, request, doubled)
+    settings, code = quote_slice(mine), quote_source()
+    parts = [request.given(), doubled, settings, code, stamps(settings["pilots"])]
+    path = REQUESTS / f"{mine.name}_{hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]}.json"
+    kept = _kept_choice(path)
+    if kept is None:
+        quotes = Quotes(settings, code, command_line.cores or available_cores())
+        cell = choose(quotes, request, doubled)
+    else:
+        cell = kept["cell"]
     written = {key: value for key, value in (mine.text.get("grid") or {}).items() if key not in SIZE_KEYS}
     if doubled:
         levels = grid.levels + round(math.log2(mine.finest_cell / cell))
@@ -127,8 +143,21 @@ def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) ->
     else:
         written |= {"finest_cell": f"{cell:.15g} m"}
     found = load(mine.text | {"grid": written}, mine_file, mine.default)
-    found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {quotes.at(found.finest_cell).text()}"
+    if kept is None:
+        kept = {"cell": cell, "said": quotes.at(found.finest_cell).text()}
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps(kept), encoding="utf-8")
+    found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {kept['said']}"
     return found
+
+
+def _kept_choice(path: Path) -> dict | None:
+    """The finest cells (m) that were chosen for a request, and what was said of them; None if nothing was yet."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return {"cell": float(kept["cell"]), "said": str(kept["said"])}
+    except (OSError, ValueError, KeyError, TypeError):  # none yet, or no longer whole
+        return None
 
 
 def normalise_yaml_values(value, odd: dict[str, str], path=()):

@@ -66,11 +66,12 @@ def pilot_slices(mine: Mine) -> list[dict]:
     """Settings of the pilots of a mine, on the largest cells first and on its own last: its stages as workflow.run_mine
     takes them, up to the first dated step, and the size `cell` of the finest cells, m. None where its cells cannot be
     larger."""
-    fewest = min(2, mine.settings.grid.levels - 1) if mine.is_adaptive else 1  # of one size, none follow the rock
+    levels = mine.settings.grid.levels
+    fewest = max(1, min(2, levels - 1)) if mine.is_adaptive else 1  # of one size, none follow the rock
     own = copy.copy(mine)
     own.change("grid", volume_error=1e9)  # as in larger cells: a run will say what is too thin for its own
     sizes = [own]
-    for _ in range(min(mine.settings.grid.levels - fewest, MAX_HALVINGS)):
+    for _ in range(min(levels - fewest, MAX_HALVINGS)):
         sizes.insert(0, sizes[0].coarser())
     return [_first_steps(one) for one in sizes] if len(sizes) > 1 else []
 
@@ -88,7 +89,7 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -
 
     from mpm_core.simd.threads import use_threads
 
-    digest = hashlib.sha256(json.dumps([pilots, code, _stamps(pilots)], sort_keys=True).encode())
+    digest = hashlib.sha256(json.dumps([pilots, code, stamps(pilots)], sort_keys=True).encode())
     path = MEMORY / f"{name}_{digest.hexdigest()[:16]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):  # none yet, or no longer whole
         kept = json.loads(path.read_text(encoding="utf-8"))
@@ -113,7 +114,7 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -
     return found
 
 
-def _stamps(pilots: list[dict]) -> list[list[int]]:
+def stamps(pilots: list[dict]) -> list[list[int]]:
     """Time and size of the files of solids."""
     grid = pilots[0]["grid"]
     sources = [*grid["excavations"], *grid["rock_bodies"], grid.get("blocks", {})]

@@ -41,6 +41,7 @@ def test_resources_are_of_the_stages_of_this_plan(tmp_path):
 
 
 OWN = {"cell": 2.0, "end": 90_000, "processor": 180.0, "memory": 7e8, "error": 0.12}
+RUN = {"cell": 2.0, "steps": 3, "members": 0}
 ROWS = [
     {"processor": 200.0, "compiling": 20.0, "memory": 600.0},
     {"processor": 60.0, "compiling": 0.0, "memory": 500.0},
@@ -49,18 +50,20 @@ ROWS = [
 
 @pytest.mark.parametrize("half", [None, {"cell": 1.41, "processor": 600.0}])
 def test_what_was_foreseen_stands_beside_what_it_took(tmp_path, half):
-    (tmp_path / "quote.json").write_text(json.dumps({"own": OWN, "half": half}))
-    said = foreseen(tmp_path, ROWS, 2.0, 92_000).replace("\u202f", ",")
+    (tmp_path / "quote.json").write_text(json.dumps({"own": OWN, "half": half, "steps": 3, "members": 0}))
+    said = foreseen(tmp_path, ROWS, RUN, 92_000).replace("\u202f", ",")
     assert said.startswith("Before the run, 3 min of processor time, 0.7 GB and 90,000 cells were foreseen. ")
     assert "It took 4 min without compiling, 0.6 GB and 92,000 cells. " in said
     assert "error of potency and of failed volume was 12 %" in said
     assert said.endswith("Half of it needs cells of 1.4 m and about 10 min.") is bool(half)
 
 
-def test_what_was_foreseen_for_other_cells_or_not_at_all_is_not_told(tmp_path):
-    assert foreseen(tmp_path, ROWS, 2.0, 92_000) == ""
-    (tmp_path / "quote.json").write_text(json.dumps({"own": OWN, "half": None}))
-    assert foreseen(tmp_path, ROWS, 1.0, 92_000) == ""
-    assert foreseen(tmp_path, [], 2.0, 92_000) == ""
+def test_what_was_foreseen_for_another_run_or_not_at_all_is_not_told(tmp_path):
+    assert foreseen(tmp_path, ROWS, RUN, 92_000) == ""
+    (tmp_path / "quote.json").write_text(json.dumps({"own": OWN, "half": None, "steps": 3, "members": 0}))
+    assert foreseen(tmp_path, ROWS, RUN, 92_000)
+    for other in ({"cell": 1.0}, {"steps": 4}, {"members": 8}):
+        assert foreseen(tmp_path, ROWS, RUN | other, 92_000) == ""
+    assert foreseen(tmp_path, [], RUN, 92_000) == ""
     (tmp_path / "quote.json").write_text("{")
     assert foreseen(tmp_path, ROWS, 2.0, 92_000) == ""

@@ -14,7 +14,7 @@ from tiny_mines import TINY, box, snakemake, write_mine
 from catalogs.compare.cell_error import MIN_ERROR, error_at
 from common.errors import InputError
 from mpm_core.stages.grid_stage import cells_at_start, make_grid
-from workflow import pilot, quote
+from workflow import command_line, pilot, quote
 from workflow.configuration import load_mine
 from workflow.mine_settings import AccuracyRequest
 from workflow.pilot import Pilot, PilotStep, pilot_slices
@@ -226,6 +226,40 @@ def test_a_file_with_a_request_is_as_one_with_those_cells(monkeypatch, tmp_path)
     derived = load_mine(file)
     assert derived.finest_cell == pytest.approx(4.4)
     assert derived.text["grid"]["finest_cell"] == "4.4 m"
+
+
+def test_the_cells_of_a_request_stay_whatever_is_free_at_a_later_start(monkeypatch, tmp_path):
+    """They changed with the free memory and the cores of a node, and all stages ran again, or a dry run was refused."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(quote, "pilot_of", lambda *_: FOUND)
+    cores = []
+
+    class Noted(quote.Quotes):
+        def __init__(self, settings, code, given):
+            cores.append(given)
+            super().__init__(settings, code, given)
+
+    monkeypatch.setattr(quote, "Quotes", Noted)
+    monkeypatch.setattr(command_line, "cores", 3)
+    asked = {"grid": {"levels": 3}, "accuracy": {"error": "15 %"}}
+    first = load_mine(FLAT, asked)
+    monkeypatch.setattr(quote, "usable", lambda: 1.0)
+    monkeypatch.setattr(command_line, "cores", 1)
+    again = load_mine(FLAT, asked)
+    assert cores == [3]
+    assert (again.finest_cell, again.requested) == (first.finest_cell, first.requested)
+    for other in ({"accuracy": {"error": "14 %"}}, {"materials": {"host": {"youngs_modulus": "30 GPa"}}}):
+        with pytest.raises(InputError, match=r"accuracy: (an error|not to be had)"):
+            load_mine(FLAT, asked | other)
+    (kept,) = Path(".snakemake/requests").iterdir()
+    kept.write_text("{")
+    with pytest.raises(InputError, match=r"accuracy: (an error|not to be had)"):
+        load_mine(FLAT, asked)
+
+
+def test_a_draft_of_two_sizes_of_cell_has_no_pilot(accept):
+    """It was tried on a grid of no size at all."""
+    assert pilot.pilot_slices(accept(TINY, **{"grid.levels": 2, "accuracy": "draft"})) == []
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Files made on request: a picture of the scene, and files for ParaView."""
 
+import platform
+
 
 rule scene:
     """A picture of the scene, before anything is solved, on request: cells, solids by step, record.
@@ -32,6 +34,9 @@ rule quote_of_mine:
         values=f"{OWN_LOGS}/quote.json",  # beside the logs, from which the report reads what stages took
     log:
         f"{OWN_LOGS}/quote.log",
+    params:  # of another machine, or with other cores, it is another one
+        machine=platform.node(),
+        cores=RESOURCES.all_cores,
     conda:
         ENVIRONMENT
     threads: RESOURCES.all_cores

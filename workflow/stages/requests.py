@@ -80,6 +80,7 @@ def quote(job: Job) -> None:
     own = quotes.at(job.settings["cell"])
     half = quotes.half(own)
     values = {"own": asdict(own), "half": half and asdict(half), "pilot": asdict(quotes.pilot), "cores": job.threads}
+    values |= {key: job.settings[key] for key in ("steps", "members")}
     with atomic_path(job.output("quote.json")) as temporary:
         temporary.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
     with atomic_path(job.output("quote.txt")) as temporary:

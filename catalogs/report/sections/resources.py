@@ -6,6 +6,7 @@ The template is "resources.html.j2".
 import json
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -40,16 +41,18 @@ def section(evidence: Evidence, _: Gallery) -> dict:
     members = 0 if evidence.spread is None else int(evidence.spread.attrs["members"])
     rows = read_resources(evidence.logs, {str(step["step"]) for step in evidence.steps}, absent, members)
     cells = int(evidence.steps[-1]["cells"]) if evidence.steps else int(evidence.grid.sizes["cell"])
-    return {"rows": rows, "foreseen": foreseen(evidence.logs, rows, float(evidence.grid.attrs["fine_cell"]), cells)}
+    run = {"cell": float(evidence.grid.attrs["fine_cell"]), "steps": len(evidence.steps), "members": members}
+    return {"rows": rows, "foreseen": foreseen(evidence.logs, rows, run, cells)}
 
 
-def foreseen(logs, rows: list[dict], cell: float, cells: int) -> str:
+def foreseen(logs, rows: list[dict], run: Mapping, cells: int) -> str:
     """What was foreseen for the run, what it took, and what half of the error would cost; empty where nothing was
-    foreseen for cells of this size (m). rows: see read_resources; cells: at the end."""
+    foreseen for such a run: its finest cells, m, its steps and members. rows: see read_resources; cells: at the end."""
     try:
         quote = json.loads((Path(logs or ".") / QUOTE).read_text(encoding="utf-8"))
         own, half = quote["own"], quote["half"]
-        if not math.isclose(own["cell"], cell) or not rows:
+        same = all(quote[key] == run[key] for key in ("steps", "members")) and math.isclose(own["cell"], run["cell"])
+        if not same or not rows:
             return ""
     except (OSError, ValueError, KeyError):  # none was asked for, or it is no longer whole
         return ""
