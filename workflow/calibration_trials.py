@@ -265,7 +265,7 @@ class CalibrationTrials:
     def fit_slice(self, batch: int | None = None) -> dict:
         """Settings that the fit depends on, besides trials and record; with a batch, those of the batch's points."""
         mine = self.mine
-        text = {key: value for key, value in mine.text.items() if key != "calibration"}
+        text = {key: value for key, value in mine.text.items() if key not in ("calibration", "forecasts")}
         names = self.all_names if batch is None else self.names_before(batch)
         known = {
             "mine": mine.name,
@@ -276,7 +276,7 @@ class CalibrationTrials:
         if batch is not None:
             return known | {"batch": batch}
         return known | {
-            "has_history": any(self._mines_something(step.name) for step in mine.listed_steps if not step.is_dated),
+            "has_history": any(self._mines_something(step.name) for step in mine.steps if not step.is_dated),
             "text": _moved(text, mine.folder, self.folder),
             "draws": ROCK_DRAWS,
             "posterior": self.posterior_hash,
@@ -311,7 +311,9 @@ def _moved(value: Any, old: Path, new: Path) -> Any:
     """A configuration whose paths, relative to one folder, are made relative to another one."""
     if isinstance(value, dict):
         return {
-            key: os.path.relpath(old / entry, new) if key in FILE_KEYS else _moved(entry, old, new)
+            key: os.path.relpath(old / entry, new)
+            if key in FILE_KEYS and isinstance(entry, str)
+            else _moved(entry, old, new)
             for key, entry in value.items()
         }
     return [_moved(entry, old, new) for entry in value] if isinstance(value, list) else value

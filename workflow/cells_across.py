@@ -51,6 +51,8 @@ def _key(mine: Mine, entry: Excavation, code: str) -> str:
     if entry.closed_at_ground:
         parts.append(mine.settings.frame.surface)
     if entry.file:
+        grid = mine.settings.frame.grid  # of its coordinates, and their unit
+        parts.append(grid and grid.given())
         path = mine.path(entry.file)
         stamp = path.stat() if path.exists() else None
         parts += [str(path.resolve()), stamp and [stamp.st_mtime_ns, stamp.st_size]]

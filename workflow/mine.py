@@ -8,9 +8,13 @@ that month.
 import functools
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from operator import itemgetter
+from pathlib import Path
 from typing import Self
 
+from catalogs.records import elk_creek_reader
+from common.errors import InputError
 from mpm_core.constitutive.laws import variability_of
 from mpm_core.settings import PlacedSolid, ShapeSettings, SolidSettings
 from response.scan_settings import ObservedScan
@@ -445,6 +449,10 @@ class Mine(MineConfiguration):
         dated = [step for step in self.listed_steps if step.is_dated]
         # Only what was recorded while the model mines, and where, is comparable; the configuration may choose less.
         period = {"start": dated[0].start, "end": dated[-1].end} if dated else {}
+        file = self.path(settings.record.file)
+        if settings.record.reader == elk_creek_reader.NAME:
+            with suppress(InputError):  # the stage that reads it says why
+                file = elk_creek_reader.data_folder(file)  # the environment may name another one
         return {
             "mine": self.name,
             "frame": settings.frame.given(),
@@ -453,5 +461,5 @@ class Mine(MineConfiguration):
             **settings.record.given(),
             "period": period,
             "domain": self._corners() | {"plane": self.plane},
-            "file": self.path(settings.record.file).as_posix(),
+            "file": Path(file).as_posix(),
         }

@@ -172,5 +172,5 @@ class MineBaselines:
     def earlier_record_slice(self) -> dict:
         """Settings that the record since the date `since` depends on."""
         slice_, since = self.mine.record_slice(), self.settings.since
-        chosen = {key: value for key, value in slice_.get("filter", {}).items() if key != "start"}
+        chosen = {key: value for key, value in slice_.pop("filter", {}).items() if key != "start"}
         return slice_ | {"period": slice_["period"] | {"start": since}, **({"filter": chosen} if chosen else {})}

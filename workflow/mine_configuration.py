@@ -119,20 +119,9 @@ class MineConfiguration:
         levels = grid.levels + (self.resized_by == "draft")
         return grid.refinement == "adaptive" and levels > 1 and not self.settings.solver.move
 
-    def solids(self) -> list[str]:
-        """Files that the grid is built from."""
-        excavations = [self.path(solid.file).as_posix() for solid in self.excavations if solid.file is not None]
-        return [*excavations, *self.bodies()]
-
     def forecasts(self) -> list[str]:
         """Kept forecasts that the record may score."""
         return [self.path(name).as_posix() for name in self.settings.forecasts]
-
-    def bodies(self) -> list[str]:
-        """Files of rock bodies and of the block model."""
-        files, model = [body.file for body in self.settings.rock_bodies], self.settings.block_model
-        files += [model.file] if model else []
-        return [self.path(file).as_posix() for file in files if file is not None]
 
     def body_materials(self) -> list[str]:
         """Name of the material of each rock body, then of each kind of rock of the block model."""

@@ -24,7 +24,7 @@ def check_owner(name: str, mine_file: Path) -> None:
     made_from, *named = noted
     other = Path(made_from)
     try:
-        if other == own or not other.is_file() or other.read_bytes() == own.read_bytes():
+        if other.resolve() == own or not other.is_file() or other.read_bytes() == own.read_bytes():
             return
         claims = bool(named) or read_yaml(other).get("name") == name
     except (InputError, OSError, ValueError):  # a note that names no file that can be read says nothing
@@ -44,7 +44,10 @@ def note_owner(name: str, mine_file: Path, is_overridden: bool = False) -> None:
     """
     from common.datasets import atomic_path  # here: a dry run need not wait for xarray
 
-    text = str(Path(mine_file).resolve()) + ("\nname of --config" if is_overridden else "")
+    # relative: a copy of the whole folder is a project of its own
+    text = os.path.relpath(Path(mine_file).resolve(), Path.cwd().resolve()) + (
+        "\nname of --config" if is_overridden else ""
+    )
     with atomic_path(NOTES / name) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="surrogateescape")
 

@@ -21,7 +21,17 @@ from workflow.strict_yaml import read_yaml
 
 # Sections of a mine file that no plan uses: the record and all that is compared with it, and what the mine's own
 # file says of plans.
-OTHER_SECTIONS = ("plans", "calibration", "baselines", "record", "comparison", "face", "forecasts", "hazard")
+OTHER_SECTIONS = (
+    "plans",
+    "calibration",
+    "baselines",
+    "record",
+    "comparison",
+    "face",
+    "forecasts",
+    "hazard",
+    "observations",
+)
 
 
 class MiningPlans:

@@ -140,8 +140,9 @@ class ResultFiles:
         """Function of wildcards that returns the output of the rule for `stage`: the path of a file or its folder."""
 
         def made(wildcards: Wildcards) -> str:
-            path = f"results/{wildcards.mine}/{stage.format(**wildcards)}.nc"
-            in_folder = "/events/" in path or (is_coarse(wildcards.mine) and "/steps/" in path)
+            own = stage.format(**wildcards)
+            path = f"results/{wildcards.mine}/{own}.nc"
+            in_folder = own.startswith("events/") or (is_coarse(wildcards.mine) and own.startswith("steps/"))
             return os.path.dirname(path) if in_folder else path
 
         return made

@@ -238,11 +238,12 @@ def _check_number(schedule: Schedule, periods: Sequence[Period], rows: Sequence[
     if len(periods) <= MAX_STEPS:
         return
     dated = sorted((row for row in rows if isinstance(row.last, pd.Timestamp)), key=lambda row: str(row.last))
+    line = f"schedule.period: {schedule.period}: makes {len(periods)} steps, and {MAX_STEPS} are possible"
+    if not dated:
+        mistakes.add(f"{line}; no body has a date: correct start and end")
+        return
     ends = " to ".join(f"{row.last:%Y-%m-%d} (row {row.number}: {row.body})" for row in (dated[0], dated[-1]))
-    mistakes.add(
-        f"schedule.period: {schedule.period}: makes {len(periods)} steps, and {MAX_STEPS} are possible; bodies end "
-        f"from {ends}: correct a date, or give start and end"
-    )
+    mistakes.add(f"{line}; bodies end from {ends}: correct a date, or give start and end")
 
 
 def _table_periods(

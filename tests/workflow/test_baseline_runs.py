@@ -134,6 +134,8 @@ def test_the_record_is_read_again_from_an_earlier_date_on(tmp_path):
     slice_ = mine_baselines.earlier_record_slice()
     assert slice_["period"] == {"start": "2019-07-01", "end": "2019-09-01"}
     assert slice_["filter"] == {"lower": [10.0, -1000.0, 10.0], "end": "2019-08-20"}
+    alone = changed(TINY, **{"record.filter": {"start": "2019-08-05"}, "baselines": {"since": "2019-07-01"}})
+    assert "filter" not in baselines_of(alone, tmp_path).earlier_record_slice()  # the later of both dates counts
     assert mine_baselines.report_slice()["box"][0] == [10.0, float(domain["lower"][1].split()[0])]
     assert mine_baselines.report_slice()["since"] == "2019-07-01"
     assert mine_baselines.report_slice()["complete_above"] == pytest.approx(1e-8)

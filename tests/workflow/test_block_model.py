@@ -191,7 +191,6 @@ def test_blocks_have_the_coordinates_of_the_mines_grid(model, tmp_path, frame):
 
 def test_a_mine_that_has_one_depends_on_its_file(accept, model):
     mine = accept(model())
-    assert mine.solids() == [mine.path("blocks.csv").as_posix()]
     assert mine.mechanics_slice(0)["refinement"]["blocks"] == mine.grid_slice()["blocks"]
 
 

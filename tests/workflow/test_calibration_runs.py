@@ -1,6 +1,7 @@
 """`snakemake calibrate` for the tiny mine: trials, page, table and mine files; what it refuses before anything runs."""
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -205,6 +206,23 @@ def test_a_trial_has_a_row_for_each_setting_of_what_changes_events_only(tmp_path
     events = [step["events"] for step in trials.slice_of("2", "own")["steps"]]
     given = [[one["closeness"] for one in step] for step in events]
     np.testing.assert_allclose(given, np.tile(0.6 + 0.3 * rows[0][:, 2], (len(events), 1)), rtol=1e-5)
+
+
+def test_a_calibrated_mine_file_names_files_from_its_own_folder(tmp_path):
+    """Kept forecasts are lists of paths, which were not moved; a rock may be called as a key that holds a path."""
+    (tmp_path / "kept.nc").write_bytes(b"")
+    rocks = {"materials.file": TINY["materials"]["host"], "materials.folder": TINY["materials"]["host"]}
+    text = trials_of(changed(CALIBRATED, forecasts=["kept.nc"], **rocks), tmp_path).fit_slice()["text"]
+    assert "forecasts" not in text
+    assert text["materials"]["file"] == text["materials"]["folder"] == TINY["materials"]["host"]
+    assert Path("results/tiny/calibration", text["record"]["file"]).resolve() == tmp_path / TINY["record"]["file"]
+
+
+def test_a_history_that_no_step_lists_is_one_too(tmp_path):
+    """The page warns where no rock fails in it on cells of twice the size."""
+    listed = [step for step in TINY["steps"] if step["name"] != "history"]
+    for steps in (TINY["steps"], listed):
+        assert trials_of(changed(CALIBRATED, steps=steps), tmp_path).fit_slice()["has_history"]
 
 
 def test_further_trials_are_at_the_points_of_their_batch(tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """What a user writes behind snakemake: taken as in a mine's file, or refused in one line that shows the right way."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -168,7 +169,7 @@ def test_a_note_that_says_nothing_blocks_no_folder(tmp_path, monkeypatch, note):
 def test_a_note_is_whole_or_absent(tmp_path, monkeypatch):
     """Nothing is written in its place before it is whole."""
     monkeypatch.chdir(tmp_path)
-    with little_room(10), pytest.raises(InputError, match="the disk is full: no room in"):
+    with little_room(5), pytest.raises(InputError, match="the disk is full: no room in"):
         note_owner("tiny", tmp_path / "mine.yaml")
     assert not list(NOTES.iterdir())
 
@@ -182,6 +183,22 @@ def test_results_under_a_name_of_the_command_line_are_not_replaced(tmp_path, mon
     check_owner("other", one)
     with pytest.raises(InputError, match=r"results/other was made from .*one\.yaml, with that name by --config; give"):
         check_owner("other", other)
+
+
+def test_a_copy_of_a_project_is_one_of_its_own(tmp_path, monkeypatch):
+    """Its note named the file of the original, and the first change of its own file ended the run."""
+    original, copy = tmp_path / "original", tmp_path / "copy"
+    (original / "results/tiny").mkdir(parents=True)
+    monkeypatch.chdir(original)
+    file = write_mine(TINY, original / "files/mine.yaml")
+    note_owner("tiny", file)
+    check_owner("tiny", file)
+    shutil.copytree(original, copy)
+    monkeypatch.chdir(copy)
+    other = write_mine(TINY | {"ensemble": 3}, copy / "files/mine.yaml")
+    check_owner("tiny", other)
+    with pytest.raises(InputError, match=r"results/tiny was made from files/mine.yaml, which has this name, too"):
+        check_owner("tiny", write_mine(TINY, copy / "files/another.yaml"))
 
 
 @pytest.mark.parametrize(

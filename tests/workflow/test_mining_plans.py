@@ -132,7 +132,11 @@ def test_a_plan_may_be_another_file(folders, tmp_path):
 
 @pytest.mark.parametrize("kind", ["changes", "file"])
 def test_what_no_plan_uses_refuses_none(folders, tmp_path, kind):
-    """A face, a filter of the record and a forecast that fit the dates of the mine file, not those of the plan."""
+    """A face, a filter of the record, readings and a forecast that fit the dates of the mine file, not those of the
+    plan."""
+    (tmp_path / "gap.csv").write_text("date,value\n2019-08-20,470\n2019-08-30,510\n")
+    gap = {"name": "gap", "start": ["25 m", "35 m", "40 m"], "end": ["25 m", "35 m", "50 m"], "file": "gap.csv"}
+    observations = {"closures": [gap | {"units": "mm", "error": "2 mm"}]}
     later = {"name": "2019-08", "start": "2020-08-01", "end": "2020-09-01"}
     positions = [
         {"date": "2019-07-01", "ends": [["10 m", "30 m"], ["10 m", "70 m"]]},
@@ -143,8 +147,9 @@ def test_what_no_plan_uses_refuses_none(folders, tmp_path, kind):
         other = changed(TINY, face={"positions": positions}, steps=[{"name": "history"}, later])
         write_mine(changed(other, **{"record.file": "missing.csv"}), tmp_path / "deeper/other.yaml")
         plan = {"file": "deeper/other.yaml"}
-    found = folders({"p": plan}, face={"positions": positions})
+    found = folders({"p": plan}, face={"positions": positions}, observations=observations)
     assert found.mine.settings.face
+    assert found.mine.settings.observations
     assert found.mine_at("tiny/plans/p").settings.face is None
     assert found.mine_at("tiny/plans/p").listed_steps[1].start == "2020-08-01"
 

@@ -47,6 +47,11 @@ def test_a_fill_never_acts_in_the_step_that_mines(mine):
     }
 
 
+def test_fill_of_history_is_that_of_a_body_mined_before_the_start(mine):
+    rows = [("A", "", "2023-05-10", "history", "paste"), *RIGHT[1:]]
+    assert steps_of(mine(rows, start="2024-01-01"))["A"] == ("history", "history")
+
+
 def test_what_ends_after_the_last_step_is_planned(mine):
     made = mine(RIGHT, end="2024-03-01", start="2024-02-01")
     assert [step.name for step in made.listed_steps] == ["2024-02"]
@@ -78,6 +83,13 @@ def test_a_year_that_may_be_wrong_is_told(mine, lines):
     assert lines([("A", "", "1924-01-20"), *RIGHT[1:]]) == [
         "schedule.period: month: makes 1203 steps, and 600 are possible; bodies end from 1924-01-20 (row 1: A) to "
         "2024-03-31 (row 3: C): correct a date, or give start and end"
+    ]
+
+
+def test_too_many_periods_without_a_date_are_one_line(lines):
+    rows = [(*row[:2], "planned", "", "") for row in RIGHT]
+    assert lines(rows, period="week", start="2010-01-01", end="2030-01-01") == [
+        "schedule.period: week: makes 1044 steps, and 600 are possible; no body has a date: correct start and end"
     ]
 
 
