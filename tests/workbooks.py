@@ -1,5 +1,6 @@
 """Workbooks of Excel for tests."""
 
+import datetime
 import zipfile
 from pathlib import Path
 
@@ -7,7 +8,8 @@ import pandas as pd
 
 
 def write_xlsx(path: Path, rows: list[list], sheet: str) -> None:
-    """A workbook of one sheet: texts, numbers, and times as days since 1899-12-30 in a format of times."""
+    """A workbook of one sheet: texts, numbers, and times as days since 1899-12-30 in a format of times, clocks as parts
+    of a day."""
     main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
     office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     package = "http://schemas.openxmlformats.org/package/2006"
@@ -16,6 +18,9 @@ def write_xlsx(path: Path, rows: list[list], sheet: str) -> None:
     def cell(value) -> str:
         if isinstance(value, pd.Timestamp):
             return f'<c s="1"><v>{(value - pd.Timestamp("1899-12-30")) / pd.Timedelta("1D")!r}</v></c>'
+        if isinstance(value, datetime.time):
+            seconds = 60 * (60 * value.hour + value.minute) + value.second
+            return f'<c s="1"><v>{seconds / 86_400!r}</v></c>'
         if isinstance(value, float):
             return f"<c><v>{value!r}</v></c>"
         return f'<c t="inlineStr"><is><t>{value}</t></is></c>'

@@ -32,7 +32,7 @@ from catalogs.records.csv_filters import (
 )
 from catalogs.records.csv_table import Table, read_table
 from catalogs.records.csv_times import read_times
-from catalogs.records.csv_units import check_angle, unit_factor, unit_quantity
+from catalogs.records.csv_units import check_angle, known_unit, unit_factor, unit_quantity
 from catalogs.records.event_kinds import EVENT_TYPE, STATUS
 from catalogs.records.excel_sheets import is_workbook
 from catalogs.records.filters import filter_events
@@ -112,7 +112,7 @@ class Record(EventFileSettings):
         for kind, unit in (self.units or {}).items():
             if kind not in UNITS or kind not in self.columns.model_fields_set:
                 raise refusal(f"not a named column with a unit; such are {', '.join(UNITS)}", "units", kind)
-            quantity = unit_quantity(unit)
+            quantity = known_unit(unit, UNITS[kind]) or unit_quantity(unit)
             if quantity is None:
                 raise refusal(f"{short(unit)} is not a unit; expected one like {UNITS[kind]}", "units", kind)
             if not quantity.check(UNITS[kind]):

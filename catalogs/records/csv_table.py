@@ -204,6 +204,11 @@ def table_of(
         if header.count(name) > 1:
             raise InputError(f"{path}: column {name!r} is there {header.count(name)} times; name each its own way")
     body = "\n".join(line for line in lines[place + 1 :] if not (has_comments and line.startswith("#")))
+    full = header and sum(
+        line.startswith("#") and line.count(separator) >= len(header) - 1 for line in lines[place + 1 :]
+    )
+    if has_comments and full and len(header) > 1:
+        logging.warning("%s: %d rows begin with # and are left out as comments", path, full)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # a row with more cells than names

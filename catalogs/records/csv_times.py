@@ -123,7 +123,8 @@ def _check_names(table: Table, columns: Sequence[str], zone: str | None, local: 
             )
     if stated:
         return
-    utc, at_place = _first(UTC_WORDS, columns), _first(LOCAL_WORDS, columns)
+    utc = _first(UTC_WORDS, columns)
+    at_place = _first(LOCAL_WORDS, columns) or next((name for name in columns if zones_of_abbreviation(name)), None)
     if utc and not at_place and zone is not None and fixed_offset(zone) != datetime.timedelta():
         raise InputError(
             f"{table.source}: column {utc!r} is in UTC by its name, and record.time_zone is {zone}; leave that out, or "

@@ -14,9 +14,13 @@ SPELLINGS = {  # in lower case: as pint has them
     "ftus": "survey_foot", "usft": "survey_foot", "us-ft": "survey_foot", "us ft": "survey_foot",
     "dyncm": "dyn cm", "dynecm": "dyn cm", "dynes cm": "dyn cm", "°": "degree",
 }  # fmt: skip
+LOOSE_SPELLINGS = {  # the same, of what has no other meaning that is a size: Nm is a unit of yarn to pint
+    "nm": "N m", "knm": "kN m", "mnm": "MN m", "gnm": "GN m", "tnm": "TN m",
+    "kj": "kJ", "kpa": "kPa", "mpa": "MPa", "gpa": "GPa",
+}  # fmt: skip
 USUAL_UNITS = {  # of columns; others are as likely to be words of another meaning, such as E, P or point
     "m", "metre", "metres", "meter", "meters", "km", "mm", "cm", "ft", "feet", "foot", "inch", "yd", "mi",
-    "kilometre", "kilometres", "kilometer", "kilometers", *SPELLINGS,
+    "kilometre", "kilometres", "kilometer", "kilometers", *SPELLINGS, *LOOSE_SPELLINGS,
     "deg", "degree", "degrees", "rad", "s", "sec", "seconds", "ms", "min", "minutes", "h", "hr", "hours",
     "j", "kj", "mj", "gj", "n m", "nm", "n.m", "kn m", "mn m", "gn m", "dyn cm", "dyne cm", "m3", "m^3", "ft3",
 }  # fmt: skip
@@ -48,10 +52,10 @@ def unit_factor(
     """
     found = {}
     if given:
-        found[f"record.units.{key}"] = given, _known(given, unit)
-        if unit_quantity(given) is None:
+        found[f"record.units.{key}"] = given, known_unit(given, unit)
+        if found[f"record.units.{key}"][1] is None and unit_quantity(given) is None:
             raise InputError(f"record.units: {given!r} is not a unit; expected one like {unit}")
-    if below and (quantity := _known(below, unit) or unit_quantity(below)):
+    if below and (quantity := known_unit(below, unit) or unit_quantity(below)):
         found["the line below the header"] = below, quantity
     for text in _texts(name):
         if quantity := _in_name(source, key, name, text, unit):
@@ -102,10 +106,11 @@ def _texts(name: str) -> list[str]:
     return [LOGARITHM.sub("", text, count=1) for text in texts]
 
 
-def _known(text: str, unit: str):
+def known_unit(text: str, unit: str):
     """Quantity of 1 in the unit that a text names in any usual spelling, if it is convertible to `unit`, else None."""
     hyphens = re.sub(r"(?<=[^\W\d_])-(?=[^\W\d_])", " ", text)
-    for spelling in (SPELLINGS.get(text.casefold()), text, hyphens, text.lower(), hyphens.lower()):
+    form = text.casefold()
+    for spelling in (SPELLINGS.get(form), text, hyphens, LOOSE_SPELLINGS.get(form), text.lower(), hyphens.lower()):
         quantity = unit_quantity(spelling) if spelling else None
         if spelling in SPELLINGS.values():
             quantity = units().Quantity(1.0, spelling)
@@ -119,10 +124,10 @@ def _in_name(source: str, key: str, name: str, text: str, unit: str):
 
     Raises InputError for a unit with a number before it, which is not read.
     """
-    if quantity := _known(text, unit):
+    if quantity := known_unit(text, unit):
         return quantity
     words = re.split(r"[\s,;:]+", text)
-    parts = [(word, _known(word, unit)) for word in (*words, " ".join(words[-2:]))]
+    parts = [(word, known_unit(word, unit)) for word in (*words, " ".join(words[-2:]))]
     usual = [quantity for word, quantity in parts if quantity is not None and _is_usual(word)]
     if usual and re.match(r"[x*]?\s*\d", text):
         raise InputError(
@@ -145,5 +150,5 @@ def _at_end(name: str, unit: str) -> tuple[str, float] | None:
     end = AT_END.fullmatch(name)
     if not end:
         return None
-    quantity = _known(end[1], unit) if _is_usual(end[1]) else unit_quantity(end[1])
+    quantity = known_unit(end[1], unit) if _is_usual(end[1]) else unit_quantity(end[1])
     return (end[1], float(quantity.to(unit).magnitude)) if quantity is not None and quantity.check(unit) else None

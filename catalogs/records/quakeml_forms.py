@@ -13,6 +13,7 @@ from obspy.core.event.header import EventType
 from catalogs.records.csv_table import check_container
 from catalogs.records.event_kinds import MODE, STATUS, plain_word
 from catalogs.records.times import check_offset
+from catalogs.sources.quakeml import NAMESPACE
 from common.errors import InputError
 
 NAMESPACE_START = "http://quakeml.org/xmlns/"  # with which namespaces of all versions of QuakeML begin
@@ -45,6 +46,10 @@ def plain_quakeml(content: bytes, path: Path) -> tuple[bytes, list[Words]]:
     plain = etree.Element(f"{{{ROOT}}}quakeml", nsmap={**others, None: BODY, "q": ROOT})
     _copy_parts(root, plain)
     catalogs = plain.findall(f"{{{BODY}}}eventParameters")
+    if len(catalogs) > 1 and any(etree.QName(part).namespace == NAMESPACE for one in catalogs for part in one):
+        raise InputError(
+            f"{path}: joins catalogues that this project wrote, each in a frame of its own: give one of them"
+        )
     for other in catalogs[1:]:  # of files that were joined; ObsPy reads the first alone
         catalogs[0].extend(other.findall(f"{{{BODY}}}event"))
         plain.remove(other)

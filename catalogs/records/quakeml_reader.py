@@ -191,7 +191,11 @@ def _check_frame(record: xr.Dataset, settings: RecordSlice, path: Path) -> None:
     own, location = record.attrs.get("frame"), record["location"].values
     if not own or not (settings.frame and settings.frame.has_place) or not len(location):
         return
-    moved = MineFrame(settings.frame).to_map(*MineFrame(own).to_globe(location)) - location
+    try:
+        written = MineFrame(own)
+    except (InputError, ValueError, TypeError) as error:
+        raise InputError(f"{path}: its frame is not what was written there ({error}); write the file again") from error
+    moved = MineFrame(settings.frame).to_map(*written.to_globe(location)) - location
     if np.abs(moved).max() > MAX_FRAME_DIFFERENCE:
         raise InputError(
             f"{path}: has x, y and z in another frame, in which its events lie {np.abs(moved).max():.3g} m from where "

@@ -161,9 +161,9 @@ def parse_times(text: pd.Series, order: str | None, zone: str | None, source: st
     first = _numbers(parts["first"])
     second = month_name.map({name: float(number) for number, name in enumerate(MONTHS, 1)}).astype(float)
     second = second.where(named, _numbers(parts["second"]))
-    if bare.any() and not _day_first(first[bare], second[bare], text, order, source):
-        first, second = first.where(~bare, second), second.where(~bare, first)
     short = _numbers(parts["last"])
+    if bare.any() and not _day_first(first[bare], second[bare], short[bare], text, order, source):
+        first, second = first.where(~bare, second), second.where(~bare, first)
     year = short.where(short > 99, short + np.where(short < FIRST_TWO_DIGIT_YEAR_OF_1900S, 2000, 1900)).where(
         other, _numbers(parts["year"])
     )
@@ -286,16 +286,23 @@ def _time_of_day(parts: pd.DataFrame) -> np.ndarray:
     return np.where(wrong, np.timedelta64("NaT", "ns"), (whole + fraction).astype("timedelta64[ns]"))
 
 
-def _day_first(first: pd.Series, second: pd.Series, text: pd.Series, order: str | None, source: str) -> bool:
+def _day_first(
+    first: pd.Series, second: pd.Series, short: pd.Series, text: pd.Series, order: str | None, source: str
+) -> bool:
     """True if the day comes before the month, so that 01/02/2019 is the first of February.
 
-    first, second (event,): the two numbers of each date; text (event,): the dates as written; order: "day" or "month"
-    where it is given, None: found from a number above 12. Raises InputError if neither
-    number or each of them is above 12 in some date.
+    first, second, short (event,): the three numbers of each date; text (event,): the dates as written; order: "day" or
+    "month" where it is given, None: found from a number above 12. Raises InputError if neither number or each of them
+    is above 12 in some date, and where the first looks like a year of two digits.
     """
     if order is not None:
         return order == "day"
     days, months = bool((first > 12).any()), bool((second > 12).any())
+    if days and first.min() > 12 and short.max() < 100 and short.nunique() > 2 * first.nunique():
+        raise InputError(
+            f"{source}: {text.loc[first.index[0]]!r}: the first number is {first.min():g} to {first.max():g} and the "
+            "last one varies: is the year first? Write 2019-08-31, or say record.date_order: day or month"
+        )
     if days != months:
         return days
     example = text.loc[first.index[0]]

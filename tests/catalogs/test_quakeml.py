@@ -255,6 +255,11 @@ def test_our_own_file_of_another_frame_is_refused(catalog, tmp_path):
     with pytest.raises(InputError, match=r"own.xml: has x, y and z in another frame, .* 1.11e\+03 m from where"):
         read_record(settings | {"frame": frame | {"latitude": frame["latitude"] + 0.01}})
     assert read_record(settings | {"frame": {"surface": "0 m"}}).sizes == same.sizes
+    text, count = re.subn(r"(latitude[^0-9-]{1,20})-41\.8\b", r"\1-95", (tmp_path / "own.xml").read_text(), count=1)
+    assert count == 1
+    (tmp_path / "own.xml").write_text(text)
+    with pytest.raises(InputError, match=r"own.xml: its frame is not what was written there"):
+        read_record(settings)
 
 
 def test_files_joined_into_one_keep_all_their_events(catalog, tmp_path):
@@ -270,6 +275,12 @@ def test_files_joined_into_one_keep_all_their_events(catalog, tmp_path):
     again = text[start:end].replace("smi:", "smi:again.").replace("quakeml:", "quakeml:again.")
     path.write_text(text[:end] + again + text[end:])
     assert read_record(settings).sizes["event"] == 2 * one.sizes["event"]
+    write_quakeml(catalog, path)
+    text = path.read_text()
+    body = re.search(r"<eventParameters.*</eventParameters>", text, re.DOTALL)[0]
+    path.write_text(text.replace(body, body + body))
+    with pytest.raises(InputError, match=r"record.xml: joins catalogues that this project wrote"):
+        read_record(settings | {"twin": True})
 
 
 def test_a_foreign_file_states_the_error_of_each_event(catalog, tmp_path):

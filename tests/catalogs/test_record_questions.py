@@ -12,6 +12,7 @@ from common.errors import InputError
 from workflow.dates import read_date
 
 HEADER = "time,x,y,z,mw,q,kind,state\n"
+PLAIN_HEADER = "time,x,y,z,mw\n"
 
 
 def table(values=("1",) * 6, kinds=("",) * 6, states=("",) * 6, header: str = HEADER) -> str:
@@ -42,7 +43,18 @@ def test_times_without_a_zone_are_told_on_the_terminal(tmp_path, caplog):
 
 
 @pytest.mark.parametrize(
-    "name", ["Local Time", "LocalDateTime", "time_local", "LOCALTIME", "Ortszeit", "heure locale", "Time (AEST)"]
+    "name",
+    [
+        "Local Time",
+        "LocalDateTime",
+        "time_local",
+        "LOCALTIME",
+        "Ortszeit",
+        "heure locale",
+        "Time (AEST)",
+        "Origin Time (IST)",
+        "time_CAT",
+    ],
 )
 def test_a_name_that_says_local_asks_for_the_zone(tmp_path, name):
     """Six hours of Hobart are ten behind those of UTC."""
@@ -335,3 +347,35 @@ def test_a_magnitude_of_another_type_by_its_name_is_no_mw(tmp_path, name):
 def test_events_that_lack_something_are_counted_on_the_terminal(tmp_path, caplog):
     read(tmp_path, table().replace("3,2,3,0.3", "-999,2,3,0.3").replace("4,2,3,0.4", "4,2,3,-99"))
     assert "of 6 events these are left out: 1 without a place, 1 without a size" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [("Nm", 1.0), ("kNm", 1e3), ("MNm", 1e6), ("GNm", 1e9), ("N m", 1.0), ("dyn cm", 1e-7), ("nm", 1.0)],
+)
+def test_moments_in_the_usual_spelling_of_their_unit(tmp_path, unit, factor):
+    """Nm is a unit of yarn to the library of units, so that it was refused, and GNm was taken for N m."""
+    text = PLAIN_HEADER.replace("mw", f"Moment ({unit})") + "".join(
+        f"2019-08-{day:02d}T12:00:00Z,100,200,300,{day}e9\n" for day in range(1, 7)
+    )
+    columns = {key: name for key, name in COLUMNS.items() if key != "mw"} | {"moment": f"Moment ({unit})"}
+    np.testing.assert_allclose(read(tmp_path, text, columns)["moment"], factor * 1e9 * np.arange(1, 7))
+    plain = columns | {"moment": "M0"}
+    text = text.replace(f"Moment ({unit})", "M0")
+    found = read(tmp_path, text, plain, units={"moment": unit})["moment"]
+    np.testing.assert_allclose(found, factor * 1e9 * np.arange(1, 7))
+
+
+def test_years_of_two_digits_at_the_front_are_asked_about(tmp_path):
+    """They were days, and events of one day of the month were left."""
+    rows = "".join(f"19-08-{day:02d} 12:00,100,200,300,-1\n" for day in range(1, 8))
+    line = refused(tmp_path, PLAIN_HEADER + rows)
+    assert "'19-08-01 12:00': the first number is 19 to 19 and the last one varies: is the year first?" in line
+    one_day = "".join(f"19-08-19 {hour:02d}:00,100,200,300,-1\n" for hour in range(7))
+    assert read(tmp_path, PLAIN_HEADER + one_day).sizes["event"] == 7
+
+
+def test_rows_that_begin_as_comments_are_counted(tmp_path, caplog):
+    rows = "".join(f"{'#' * (day > 4)}2019-08-{day:02d}T12:00:00Z,100,200,300,-1\n" for day in range(1, 8))
+    assert read(tmp_path, PLAIN_HEADER + rows).sizes["event"] == 4
+    assert "3 rows begin with # and are left out as comments" in caplog.text

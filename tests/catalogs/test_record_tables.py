@@ -1,5 +1,6 @@
 """CSV files as mines export them: what can be found from the file is, what cannot is asked for, nothing is guessed."""
 
+import datetime
 import json
 
 import numpy as np
@@ -300,6 +301,26 @@ def test_a_workbook_that_is_not_as_named_is_one_line(tmp_path, rows, others, say
         read_record(workbook(tmp_path, rows, **others))
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_sheet_may_have_dates_and_clocks_in_two_columns(tmp_path):
+    """A date in a cell is midnight of it to the reader of workbooks."""
+    rows = [["Date", "Clock", "x", "y", "z", "mw"]]
+    rows += [[pd.Timestamp(f"2019-08-{day:02d}"), datetime.time(12, day), 1.0, 2.0, 3.0, -1.0] for day in (1, 2, 3)]
+    columns = {key: name for key, name in COLUMNS.items() if key != "time"} | {"time": ["Date", "Clock"]}
+    times = read_record(workbook(tmp_path, rows, columns=columns))["time"].values
+    expected = [f"2019-08-{day:02d}T12:{day:02d}" for day in (1, 2, 3)]
+    assert np.abs(times - np.array(expected, "datetime64[ns]")).max() < np.timedelta64(2, "ms")
+
+
+def test_a_sheet_of_dates_and_texts_of_dates_is_one_line(tmp_path):
+    """Excel makes dates of days up to 12, with day and month exchanged, and leaves the others."""
+    rows = [["time", "x", "y", "z", "mw"], [pd.Timestamp("2019-02-01"), 1.0, 2.0, 3.0, -1.0]]
+    rows += [["13/01/2019", 1.0, 2.0, 3.0, -1.0]]
+    with pytest.raises(
+        InputError, match=r"record.xlsx: a column has 1 dates \(2019-02-01\) and 1 texts \(13/01/2019\)"
+    ):
+        read_record(workbook(tmp_path, rows))
 
 
 def test_a_damaged_workbook_and_a_sheet_of_a_csv_file_are_one_line(tmp_path):
