@@ -1,5 +1,6 @@
 """Readings of an instrument: a CSV file with a date and a column for each anchor, as one value for each step."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ from numpy.typing import NDArray
 
 from common.errors import InputError
 from response.observation_settings import Instrument
+
+NINES = re.compile(r"-?9{3,}(?:\.(?:9+|25))?")  # as loggers and programs write a value that is missing
 
 
 def read_readings(instrument: Instrument, where: str) -> pd.DataFrame:
@@ -41,8 +44,27 @@ def read_readings(instrument: Instrument, where: str) -> pd.DataFrame:
         raise InputError(
             f"{where}.columns: {path.name}: row {line + 1}, {instrument.columns[column]}: {value} is no number"
         )
+    for name in instrument.columns:
+        _refuse_codes(values[name].to_numpy(), f"{where}.columns: {path.name}: {name}")
     values.index = dates.dt.tz_localize(None)
     return (values * instrument.factor()).sort_index(kind="stable")
+
+
+def _refuse_codes(values: NDArray, where: str) -> None:
+    """Raise InputError for numbers of nines, which stand for no reading, that lie apart from all others of a column:
+    farther from them than they are from each other."""
+    known = values[np.isfinite(values)]
+    nines = np.array([NINES.fullmatch(f"{value:.10g}") is not None for value in known], bool)
+    others = known[~nines]
+    if not len(others):
+        return
+    width = max(float(np.ptp(others)), 1.0)
+    apart = known[nines & ((known > others.max() + width) | (known < others.min() - width))]
+    if len(apart):
+        raise InputError(
+            f"{where}: is {apart[0]:.10g} a missing reading ({len(apart)} such; the others run from "
+            f"{others.min():g} to {others.max():g})? Leave the cell empty"
+        )
 
 
 def at_steps(readings: pd.DataFrame, steps: list[dict], since: str | None) -> NDArray:

@@ -161,6 +161,11 @@ FILES = {  # What a file of readings may have, and the line that it is refused w
     ),
     "decimal comma": ("date,value\n2020-01-05,1,5\n2020-01-06,2,5\n", {}, "rows have more fields than"),
     "no rows": ("date,value\n", {}, "no reading is within the dates of a step"),
+    "a code of a missing reading": (
+        "date,value\n2020-01-05,1.5\n2020-01-06,2.5\n2020-02-05,-999\n",
+        {},
+        "value: is -999 a missing reading",
+    ),
     "infinite": ("date,value\n2020-01-05,inf\n", {}, "row 1, value: inf is no number"),
 }
 
