@@ -65,7 +65,7 @@ def event_table(events: xr.Dataset, own: OwnCoordinates, parameters: xr.Dataset 
     """
     table: dict = coordinates(events["location"].values, own)
     times = pd.DatetimeIndex(events["time"].values)
-    table["date and time [UTC]"] = times.strftime("%Y-%m-%d %H:%M:%S").fillna("")
+    table["date and time [UTC]"] = times.strftime("%Y-%m-%d %H:%M:%S.%f").str[:-3].fillna("")  # ms
     table["event earlier by at most [s]"] = events["time_lower_uncertainty"].values
     table["event later by at most [s]"] = events["time_upper_uncertainty"].values
     table["step"] = events["step"].values

@@ -72,10 +72,10 @@ def corners_of(grid: xr.Dataset, excavations: Sequence[int]) -> NDArray:
 def within_reach(place: NDArray, low: NDArray, high: NDArray) -> NDArray:
     """True (event,) for places (event, 3) m whose coordinates exceed the box by at most REACH times its longest side.
 
-    low, high (3,): corners of the box, m.
+    low, high (3,): corners of the box, m. The axis along which a mine in a plane has no length does not count.
     """
-    reach = REACH * float((high - low).max())
-    return np.all((place >= low - reach) & (place <= high + reach), axis=1)
+    reach, long = REACH * float((high - low).max()), high > low
+    return np.all(((place >= low - reach) & (place <= high + reach))[:, long], axis=1)
 
 
 def plane_of(grid: xr.Dataset) -> Plane:

@@ -178,7 +178,7 @@ def _figure(panels: Sequence[_Panel]) -> tuple[Figure, list[Axes], tuple[float, 
 def _dress(axes: Axes, panel: _Panel) -> None:
     """Title, names of the axes with units, limits, and as many marks as have room."""
     plane, axis = panel.plane, int(np.argmax(np.abs(panel.plane.normal)))
-    at = f"cells at {views.COORDINATE_NAMES[axis]} = {panel.at * np.sign(panel.plane.normal[axis]):.10g} m"
+    at = f"cells at {views.COORDINATE_NAMES[axis]} = {panel.at * np.sign(panel.plane.normal[axis]) + 0.0:.10g} m"
     axes.set_title(f"{plane.name}\n" + (at if plane.along_axis else "cells on the plan's dotted line"))
     axes.set_xlabel(plane.labels[0])
     axes.set_ylabel(plane.labels[1])

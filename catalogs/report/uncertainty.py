@@ -18,6 +18,7 @@ MIN_FACTOR = 1.25  # A source with a smaller factor is not worth a run of its ow
 CELLS, CHANCE, INCREMENTS, RULE = "Cells", "Chance in the model", "Increments of mining", "Event rule"
 ENSEMBLE = Advice("Run the mine several times with changes too small to measure:", "ensemble: 8")
 SECOND_RUN = Advice("Run the mine a second time on larger cells:", "grid_convergence: true")
+LARGER_CELLS = Advice("Use two sizes of cells or more, so that a second run can have larger ones:", "grid: {levels: 2}")
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ def _cells(evidence: Evidence) -> Source:
     if errors is None:
         draft = evidence.config.get("accuracy") == "draft"
         text = f"not measured for cells of {cell:g} m" + (", since a draft has no second run" if draft else "")
-        return Source(CELLS, np.nan, text, None if draft else SECOND_RUN, note=note, key=SECOND_RUN.code)
+        advice = LARGER_CELLS if evidence.grid.attrs["levels"] == 1 else SECOND_RUN
+        return Source(CELLS, np.nan, text, None if draft else advice, note=note, key=advice.code)
     advice = finer_cells(evidence)
     failed = "too large" if errors[1] == np.inf else _either_way(errors[1])
     if errors[0] == np.inf:

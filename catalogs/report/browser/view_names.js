@@ -83,7 +83,7 @@ const ViewNames = (function () {
       if (mined < 0) return `${name}: planned, not mined yet`;
       if (mined > step) return `${name}: mined in step ${this.steps[mined].name}, which comes later`;
       const parts = [`${name}: mined in step ${this.steps[mined].name}`];
-      if (filled >= 0) parts.push(`filled in step ${this.steps[filled].name}`);
+      if (filled >= 0) parts.push(`${filled > step ? "to be filled" : "filled"} in step ${this.steps[filled].name}`);
       if (!Number.isNaN(this.depthAt(opening, step))) {
         const failure = this.failure(opening, step), closure = this.closure[opening * this.steps.length + step];
         parts.push(failure ? `after ${after} rock has failed to a depth of ${failure}` : `after ${after} no failed rock`);

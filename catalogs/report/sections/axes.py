@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from catalogs.figures import style
 from catalogs.report.evidence import MODEL_LABEL, Evidence, compared_events, selection, shown_catalogues
 from catalogs.report.gallery import Gallery
-from catalogs.report.text import DASH, as_sentence, between, comparison_row, number, with_unit
+from catalogs.report.text import DASH, as_sentence, between, comparison_row, fixed, number, with_unit
 from catalogs.sources.mechanisms import (
     AXIS_NAMES,
     CLUSTER,
@@ -349,11 +349,11 @@ def source_types(catalogs: dict[str, xr.Dataset], colours: dict[str, str]) -> Fi
         )  # fmt: skip
         weight = potency[known] / potency[known].sum() if len(known) else potency[known]
         mean = (
-            f"by potency: ISO {100 * weight @ iso[known]:.0f} %, DC {100 * weight @ dc[known]:.0f} %"
+            f"by potency: ISO {fixed(100 * weight @ iso[known], 0)} %, DC {fixed(100 * weight @ dc[known], 0)} %"
             if len(known)
             else ""
         )
-        axes.set_title(f"{label}\n{mean}".replace("-", "−"))
+        axes.set_title(f"{label}\n{mean}")
         axes.set(
             xlim=(-1.05, 1.05), ylim=(-0.05, 1.05), xlabel="ISO share (1): closing, opening", ylabel="DC share (1)"
         )

@@ -60,9 +60,7 @@ def ball_rows(events: xr.Dataset, grid: GridMap | None = None) -> list[dict]:
                 "log_potency": fixed(float(np.log10(event["potency"].values)), 2),
                 "mw": fixed(float(event["mw"].values), 2),
                 "particles": whole(event["particles"].values),
-                "shares": [
-                    f"{100 * float(event[name].values):.0f} %".replace("-", "−") for name in ("iso", "clvd", "dc")
-                ],
+                "shares": [f"{fixed(100 * float(event[name].values), 0)} %" for name in ("iso", "clvd", "dc")],
             }
         )
     return rows

@@ -155,7 +155,12 @@ def _profiles(evidence: Evidence, names: list[str]) -> Figure | None:
         closed.set_ylabel("closure (mm)")
         for panel in (deep, closed):
             panel.set_ylim(bottom=0.0)
-    panels[0, 0].legend(loc="upper right", ncols=3)
+    sides = {
+        label: handle
+        for panel in panels[:, 0]
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    panels[0, 0].legend(sides.values(), sides.keys(), loc="upper right", ncols=3)
     for panel in panels[-1]:
         panel.set_xlabel("chainage (m)")
     return figure

@@ -49,7 +49,9 @@ def _account(evidence: Evidence) -> str:
     if crop is None:
         return text + f"{plural(evidence.record.sizes['event'], 'recorded event')} are left.{_counted(evidence)}"
     inside, outside = crop["after"], crop["before"] - crop["after"]
-    passed = "in the modelled months" if {one["filter"] for one in filters} <= {"start", "end", "domain"} else ""
+    chosen = (evidence.config.get("record") or {}).get("filter") or {}
+    dates = "in the dates compared" if chosen.get("start") or chosen.get("end") else "in the modelled months"
+    passed = dates if {one["filter"] for one in filters} <= {"start", "end", "domain"} else ""
     passed = passed or "that pass the filters (dates, box, size, quality)"
     if not crop["before"]:
         text += f"No event lies {passed}." if passed.startswith("in") else "No event passes the filters."

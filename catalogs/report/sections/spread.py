@@ -31,6 +31,7 @@ QUANTITY_ROWS = {  # quantity, its name, what its values are divided by, how the
 MEMBER_COLOUR = "#8cb8d9"  # A light form of style.MODELLED.
 # Half the width over which the members' points lie side by side, relative to the distance of two steps.
 MEMBERS_HALF_WIDTH = 0.25
+MAX_NAMED_STEPS = 12  # below the panel of the steps
 
 
 def section(evidence: Evidence, gallery: Gallery) -> dict:
@@ -144,7 +145,8 @@ def _potency(axes: Axes, runs: xr.Dataset) -> None:
         linewidth=2.0,
         label="this catalogue",
     )
-    axes.set_xticks(place, steps, rotation=0 if len(steps) < 5 else 60)
+    every = -(-len(steps) // MAX_NAMED_STEPS)
+    axes.set_xticks(place[::every], steps[::every], rotation=0 if len(steps) < 5 else 60)
     axes.set_xlim(-0.6, len(steps) - 0.4)
     axes.set_ylim(0.0, 1.25 * max(potency.max(), 1e-30))
     axes.set_title("By step")
