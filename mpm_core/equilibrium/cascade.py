@@ -262,6 +262,7 @@ def begin_increment(
                 return
         except NoEquilibrium as error:
             if len(error.loose) or increments.shrink(history):
+                scheme.body.start, scheme.body.rest = start, rest  # whoever catches it goes back, too
                 raise
         scheme.go_back(before)
         scheme.body.start, scheme.body.rest = start, rest
@@ -327,6 +328,7 @@ def run_cascade(
                 raise  # no rock has failed: it is not rock that has no equilibrium
             logging.info("no equilibrium: %s", error)
             scheme.go_back(history.last_equilibrium)
+            scheme.body.rest = history.last_equilibrium["displacement"]
             history.increment, history.load = history.equilibrium_increment, history.equilibrium_load
             if cells is not None and len(error.loose):
                 history.collapse = cells.take_out(error.loose)

@@ -149,19 +149,28 @@ def _table(
 
     try:
         table = read(".")
-        if separator != "," and any(_has_decimal_commas(table[name]) for name in table):
+        commas = [header[index] for index in table.columns if separator != "," and _has_marks(table[index], ",")]
+        points = [header[index] for index in table.columns if commas and _has_marks(table[index], ".")]
+        if points:
+            raise InputError(
+                f"column {commas[0]!r} has numbers with a comma, column {points[0]!r} with a point: export it with one "
+                "decimal mark and without marks of thousands"
+            )
+        if commas:
             table = read(",")
+    except InputError:
+        raise
     except (ValueError, OSError) as error:  # pandas' errors of parsing are ValueErrors
         raise InputError(f"is no readable table ({' '.join(str(error).split())[:200]})") from error
     return table.set_axis([header[index] for index in table.columns], axis=1)
 
 
-def _has_decimal_commas(column: pd.Series) -> bool:
-    """True if one cell is a number with a decimal comma; a file may write whole numbers without."""
+def _has_marks(column: pd.Series, mark: str) -> bool:
+    """True if one cell of a column, read with decimal points, is a number with this mark; whole numbers have none."""
     if pd.api.types.is_numeric_dtype(column):
-        return False
+        return mark == "." and bool((column.dropna() % 1 != 0).any())
     texts = (str(value).strip() for value in column.unique())
-    return any("," in text and _is_number(text.replace(",", ".")) for text in texts)
+    return any(mark in text and _is_number(text.replace(",", ".")) for text in texts)
 
 
 def _is_number(text: str) -> bool:

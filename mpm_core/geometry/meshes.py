@@ -151,10 +151,7 @@ def _binary_stl(raw: bytes, counted: int, element: str | None) -> Mesh:
 
 
 def read_obj(path: Path, element: str | None = None) -> Mesh:
-    """Every body of an OBJ file together, or those of one object (`o`) or group (`g`). Faces may have many corners.
-
-    The vertices are those that the faces use.
-    """
+    """Every body of an OBJ file together, or those of one object (`o`) or group (`g`). Faces may have many corners."""
     places, bodies = _parsed_obj(path)
     if element is None:
         chosen = list(bodies.values())
@@ -165,10 +162,7 @@ def read_obj(path: Path, element: str | None = None) -> Mesh:
                 parts.setdefault(name, []).append(body)
         chosen = list({id(body): body for body in choose(parts, element, "element")}.values())
     facets = np.concatenate([np.zeros((0, 3), np.int64), *chosen])
-    if len(facets) and (facets.min() < 0 or facets.max() >= len(places)):
-        return places, facets  # the caller refuses them
-    used, facets = np.unique(facets, return_inverse=True)
-    return places[used], facets.reshape(-1, 3)
+    return places, facets
 
 
 def obj_names(path: Path) -> list[str]:

@@ -61,10 +61,10 @@ def read_block_omf(
         raise InputError("holds no block model: export one")
     every = [model for same_name in models.values() for model in same_name]
     found = every if element is None else choose(models, element, "block_model.element")
+    if len(found) > 1 and element in models:
+        raise InputError(f"has {len(found)} block models called {element!r}: rename them, and export it again")
     if len(found) > 1:
-        raise InputError(
-            f"has {len(found)} block models: name one of its own name by block_model.element: {shown(models)}"
-        )
+        raise InputError(f"has {len(found)} block models: name one by block_model.element: {shown(models)}")
     grid = found[0]
     if not is_2 and counted_first is None:
         raise InputError(

@@ -181,7 +181,7 @@ def _refuse_empty(solid: Solid | Outside, where: str) -> None:
         )
 
 
-def warn_of_missed(bodies: list[Solid | Outside], body: np.ndarray, domain: Domain, cells: GridCells) -> None:
+def warn_of_missed(bodies: list[Solid | Outside], body: np.ndarray, domain: Domain, values: GridSlice) -> None:
     """Warn of rock bodies in the domain that no cell is of; body (cell,): as `bodies_at` says. Raise InputError for one
     that encloses nothing."""
     for number in np.setdiff1d(np.arange(len(bodies)), body):
@@ -189,9 +189,12 @@ def warn_of_missed(bodies: list[Solid | Outside], body: np.ndarray, domain: Doma
         if (upper <= domain.lower).any() or (lower >= domain.upper).any():
             continue  # read_solids has said so
         _refuse_empty(bodies[number], where)
+        remedy = (
+            "" if values.rock_bodies[number].refine else f"; refine: true gives it those of {values.grid.size_text()}"
+        )
         logging.warning(
-            "%s: no cell has its centre in this rock, so it is left out: its cells are too large (refine: true gives "
-            "it cells of %s), or bodies after it in the mine file cover it", where, cells.size_text(),
+            "%s: no cell has its centre in this rock, which counts only where a step splits cells: they are too large, "
+            "or bodies after it in the mine file cover it%s", where, remedy,
         )  # fmt: skip
 
 
@@ -426,7 +429,7 @@ def make_grid(values: GridSlice | dict, attributes: dict) -> xr.Dataset:
     across = [cells_across(solid, grid.fine_cell, top) for solid in solids]
     narrow = warn_of_narrow(names, across, on_grid, values.grid)
     body = bodies_at(bodies, grid.cell_center, blocks)
-    warn_of_missed(bodies, body, domain, values.grid)
+    warn_of_missed(bodies, body, domain, values)
     return grid_dataset(
         grid,
         body,

@@ -170,7 +170,8 @@ def test_rock_that_no_cell_is_of_is_told(caplog):
     make_grid(grid_slice(bodies=[seam]), {})
     assert "rock_bodies" not in caplog.text
     make_grid(grid_slice(bodies=[sheet]), {})
-    assert "rock_bodies.sheet: no cell has its centre in this rock, so it is left out" in caplog.text
+    assert "rock_bodies.sheet: no cell has its centre in this rock, which counts only where a step" in caplog.text
+    assert "refine: true gives it those of 4 m" in caplog.text
     make_grid(grid_slice(bodies=[seam, seam | {"name": "again"}]), {})
     assert "rock_bodies.seam: no cell" in caplog.text
     assert "rock_bodies.again" not in caplog.text
