@@ -15,8 +15,8 @@ class ClusterSettings(Settings):
     """How a family is separated into events (seismic.clusters), with method `families` only."""
 
     method: Literal["dbscan", "single_linkage", "kmeans"] = "dbscan"
-    """`dbscan`: places with many particles (single linkage with its default of 3 samples). `single_linkage`: all
-    particles that a chain of distances within the radius connects. `kmeans`: compact clusters."""
+    """`dbscan`: places with many particles. `single_linkage`: all particles that a chain of distances within the radius
+    connects. `kmeans`: compact clusters."""
     radius_cells: real_number(gt=0, le=1000) = 1.8
     """Largest distance between neighbours, in particle spacings."""
     min_samples: Positive = 3

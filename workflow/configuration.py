@@ -5,12 +5,14 @@ import copy
 import datetime
 import hashlib
 import json
+import logging
 import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
 
 from common.errors import InputError, InputErrors, Mistakes
+from common.job import content_of, files_of
 from common.setting_types import MAX_INTEGER, key_of, short
 from workflow import BASE, command_line
 from workflow.accuracy import STANDARD
@@ -115,20 +117,20 @@ def load(
 def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) -> Mine:
     """The mine with the grid that a request asks for, as if its file gave that. Raises InputError where it cannot.
 
-    What was chosen is kept in REQUESTS: free memory, and on a cluster the number of cores, is another one at each
-    start, and with other cells all stages would run again.
+    What was chosen is kept in REQUESTS, for the rock and the first dated step of the mine, whatever later months add:
+    free memory, and on a cluster the number of cores, is another one at each start, and with other cells all stages
+    would run again.
     """
     from common.kernel_cache import use_numba_cache
 
     use_numba_cache()
-    from common.datasets import atomic_path
-    from workflow.pilot import stamps
     from workflow.quote import Quotes, available_cores, choose, quote_slice, quote_source
 
     grid = mine.settings.grid
     doubled = bool(mine.written_cells & {"coarse_cell", "levels"}) or "lower" in (mine.text.get("domain") or {})
     settings, code = quote_slice(mine), quote_source()
-    parts = [request.given(), doubled, settings, code, stamps(settings["pilots"])]
+    content = [content_of(path) for path in files_of(settings["pilots"][:1])]
+    parts = [request.given(), doubled, settings["cell"], settings["pilots"], content, code]
     path = REQUESTS / f"{mine.name}_{hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]}.json"
     kept = _kept_choice(path)
     if kept is None:
@@ -145,10 +147,19 @@ def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) ->
     found = load(mine.text | {"grid": written}, mine_file, mine.default)
     if kept is None:
         kept = {"cell": cell, "said": quotes.at(found.finest_cell).text()}
-        with atomic_path(path) as temporary:
-            temporary.write_text(json.dumps(kept), encoding="utf-8")
+        _keep_choice(path, kept)
     found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {kept['said']}"
     return found
+
+
+def _keep_choice(path: Path, choice: dict) -> None:
+    from common.datasets import atomic_path
+
+    try:
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps(choice), encoding="utf-8")
+    except (InputError, OSError) as error:
+        logging.info("%s", error)
 
 
 def _kept_choice(path: Path) -> dict | None:

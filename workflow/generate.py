@@ -36,9 +36,9 @@ README_HEAD = """\
 # Keys of a mine file
 
 Generated from the models of the settings: `python -m workflow.generate`. A full example is
-[mines/demo.yaml](mines/demo.yaml); [default.yaml](default.yaml) holds all defaults. A quantity is text with a unit
-(`57 GPa`, `1.25 m`, `30 deg`), in any unit of its kind; the table gives the unit that bounds are in. A key
-that has no default and is not *needed* may be left out.
+[mines/demo.yaml](mines/demo.yaml); [default.yaml](default.yaml) holds the defaults of the sections that every mine has.
+A quantity is text with a unit (`57 GPa`, `1.25 m`, `30 deg`), in any unit of its kind; the table gives the unit that
+bounds are in. A key that has no default and is not *needed* may be left out.
 
 The first table has all keys of the file's first level. The parts after it are ordered by task; each begins with
 examples.
@@ -144,9 +144,8 @@ ground_motion:
   relation: {name: fitted, file: velocities.csv, size: mw, velocity_unit: mm/s, nearest: 20 m,
              columns: {event: id, size: mw, velocity: ppv, distance: r}}
 """
-DEMO, ELK_CREEK, RENISON, YEAR = (
-    f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "renison_scale", "stoping_year")
-)
+SOLVER = "solver: {max_overshoot: 0.1, collapse: error}\n"
+DEMO, ELK_CREEK, YEAR = (f"config/mines/{name}.yaml" for name in ("demo", "elk_creek", "stoping_year"))
 # heading: keys of the first level and sections that it has; its examples: a text, or a file and a key in it
 PLANES = """\
 report:
@@ -165,7 +164,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
             (DEMO, "insitu_stress"),
             PRINCIPAL,
             (DEMO, "materials"),
-            ("config/verification/fault.yaml", "rock_bodies"),
+            (ELK_CREEK, "rock_bodies"),
             BLOCKS,
         ),
     ),
@@ -173,7 +172,7 @@ TASKS: dict[str, tuple[tuple[str, ...], tuple[str | tuple[str, str], ...]]] = {
         ("excavations", SHAPE, "steps", "schedule", "excavations_from"),
         ((DEMO, "excavations"), (DEMO, "steps"), FROM_FILES, (YEAR, "schedule")),
     ),
-    "Equilibrium and failure": (("solver",), ((RENISON, "solver"),)),
+    "Equilibrium and failure": (("solver",), (SOLVER,)),
     "Mining plans": (("plans", "hazard"), ((DEMO, "plans"), (DEMO, "hazard"), FORECASTS)),
     "Events": (("seismic",), ((ELK_CREEK, "seismic"),)),
     "Shaking and support": (("ground_motion", "support"), (SHAKING, OWN_RELATION, FITTED_RELATION)),
@@ -379,6 +378,10 @@ def _default(field: FieldInfo) -> str:
     if field.is_required():
         return "*needed*"
     default = default_of(field)
+    if isinstance(default, tuple):
+        inner = [part for kind in get_args(field.annotation) for part in getattr(kind, "__metadata__", ())]
+        unit = next((f" {part.unit}" for part in inner if isinstance(part, Unit)), "")
+        return ", ".join(f"`{one:g}{unit}`" if unit else f"`{as_yaml(one)}`" for one in default)
     return f"`{as_yaml(default)}`" if isinstance(default, str | int | float) else ""
 
 

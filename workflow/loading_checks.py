@@ -49,7 +49,7 @@ def _check_place(mine: Mine, where: str, plane: ShearPlane) -> None:
             f"{where}: a plane by point, strike and dip needs a mine in three dimensions, plane: none, not {mine.plane}"
         )
     domain, point = mine.settings.domain, np.array(plane.point)
-    text = f"the point ({', '.join(f'{value:g}' for value in plane.point)}) m"
+    text = f"the point ({', '.join(f'{value:.10g}' for value in plane.point)}) m"
     if not ((point >= domain.lower) & (point <= domain.upper)).all():
         raise InputError(f"{where}.point: {text} is outside the domain; enlarge domain, or correct it")
     if plane.radius is not None:

@@ -44,8 +44,9 @@ def note_owner(name: str, mine_file: Path, is_overridden: bool = False) -> None:
     """
     from common.datasets import atomic_path  # here: a dry run need not wait for xarray
 
-    # relative: a copy of the whole folder is a project of its own
-    text = os.path.relpath(Path(mine_file).resolve(), Path.cwd().resolve()) + (
+    path, folder = Path(mine_file).resolve(), Path.cwd().resolve()
+    # relative below this folder: a copy of it is a project of its own
+    text = str(path.relative_to(folder) if path.is_relative_to(folder) else path) + (
         "\nname of --config" if is_overridden else ""
     )
     with atomic_path(NOTES / name) as temporary:

@@ -132,4 +132,4 @@ def _check_rock(mine: Mine, settings: ObservationSettings, mistakes: Mistakes) -
 
 
 def _text(point: np.ndarray) -> str:
-    return f"({', '.join(f'{value:g}' for value in point)}) m"
+    return f"({', '.join(f'{value:.10g}' for value in point)}) m"

@@ -9,6 +9,7 @@ import copy
 import hashlib
 import json
 import logging
+import platform
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -84,12 +85,13 @@ def _first_steps(mine: Mine) -> dict:
 
 def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -> Pilot:
     """The pilot of a mine of this name; pilots: see `pilot_slices`; cells: of the mine's own grid; code: hash of the
-    sources that run it; cores: of this machine. Raises InputError where it reaches no equilibrium."""
+    sources that run it; cores: of this machine, whose pilots are not those of another one. Raises InputError where it
+    reaches no equilibrium."""
     import numba
 
     from mpm_core.simd.threads import use_threads
 
-    digest = hashlib.sha256(json.dumps([pilots, code, stamps(pilots)], sort_keys=True).encode())
+    digest = hashlib.sha256(json.dumps([pilots, code, _stamps(pilots), platform.node()], sort_keys=True).encode())
     path = MEMORY / f"{name}_{digest.hexdigest()[:16]}.json"
     with suppress(OSError, ValueError, TypeError, KeyError):  # none yet, or no longer whole
         kept = json.loads(path.read_text(encoding="utf-8"))
@@ -114,7 +116,7 @@ def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -
     return found
 
 
-def stamps(pilots: list[dict]) -> list[list[int]]:
+def _stamps(pilots: list[dict]) -> list[list[int]]:
     """Time and size of the files of solids."""
     grid = pilots[0]["grid"]
     sources = [*grid["excavations"], *grid["rock_bodies"], grid.get("blocks", {})]

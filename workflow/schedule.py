@@ -340,6 +340,8 @@ def _add(
 def _when_filled(row: Row, step: str, periods: Sequence[Period]) -> str:
     """Name of the step that places the fill of a body: the first one that begins on the day of the fill or later, after
     the mining of the body has ended."""
+    if row.filled == HISTORY and step != HISTORY:
+        raise InputError(f"{row.where}: is filled in {HISTORY} but not mined in it; give the date of the fill")
     if step == PLANNED or row.filled in (None, PLANNED):
         return PLANNED
     if row.filled == HISTORY:

@@ -184,9 +184,6 @@ def _contradictions(row: Row, schedule: Schedule, names: Mapping[str, str]) -> l
         )
     if row.last == PLANNED and isinstance(row.filled, pd.Timestamp):
         found.append(f"is filled on {row.filled:%Y-%m-%d}, but its mining is {PLANNED}; give the date of its end")
-    before = is_day and schedule.start is not None and row.last < pd.Timestamp(schedule.start)
-    if row.filled == HISTORY and row.last != HISTORY and not before:
-        found.append(f"is filled in {HISTORY} but not mined in it; give the date of the fill")
     if row.filled is not None and row.material.casefold() == OPEN:
         found.append(f"has a date of fill, and {OPEN} as its material; leave one of the two out")
     if row.filled is not None and not row.material and schedule.fill is None:

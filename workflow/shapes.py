@@ -108,7 +108,7 @@ def _check_keys(where: str, kind: str, given: set[str], known: set[str]) -> None
 
 
 def _span(lower, upper) -> str:
-    return ", ".join(f"{low:g} to {high:g} m" for low, high in zip(lower, upper, strict=True))
+    return ", ".join(f"{low:.10g} to {high:.10g} m" for low, high in zip(lower, upper, strict=True))
 
 
 def check_repeated(mine: Mine, mistakes: Mistakes) -> None:

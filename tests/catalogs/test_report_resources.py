@@ -66,4 +66,4 @@ def test_what_was_foreseen_for_another_run_or_not_at_all_is_not_told(tmp_path):
         assert foreseen(tmp_path, ROWS, RUN | other, 92_000) == ""
     assert foreseen(tmp_path, [], RUN, 92_000) == ""
     (tmp_path / "quote.json").write_text("{")
-    assert foreseen(tmp_path, ROWS, 2.0, 92_000) == ""
+    assert foreseen(tmp_path, ROWS, RUN, 92_000) == ""

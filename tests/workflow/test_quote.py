@@ -285,11 +285,12 @@ def test_the_target_prints_the_table_and_a_request_says_which_cells_follow(tmp_p
     assert (folder / "quote.txt").read_text() in text
     values = json.loads((tmp_path / "logs" / "tiny" / "quote.json").read_text())
     assert values["own"]["start"] == cells_at_start(load_mine(file).grid_slice())
-    (said,) = quote_of(tmp_path / "logs" / "tiny", 5.0)
+    (said,) = quote_of(tmp_path / "logs" / "tiny", 5.0, 2)
     assert said.startswith("On cells of 5 m with ")
     assert " GB, error of potency and failed volume " in said
-    assert quote_of(tmp_path / "logs" / "tiny", 2.5) == []
-    assert quote_of(None, 5.0) == []
+    assert quote_of(tmp_path / "logs" / "tiny", 2.5, 2) == []
+    assert quote_of(tmp_path / "logs" / "tiny", 5.0, 3) == []
+    assert quote_of(None, 5.0, 2) == []
     status, text = snakemake(file, tmp_path, "--dry-run", "--config", "accuracy={memory: 0.1 GB}")
     assert status
     assert "accuracy: not to be had" in text

@@ -30,13 +30,14 @@ def scene(job: Job) -> None:
     notes = [f"The record is not drawn: {mistakes}"] if mistakes else []
     for note in notes:
         logging.warning(note)
-    notes += quote_of(job.logs, float(grid.attrs["fine_cell"]))
     steps = PictureSlice.of({"steps": job.settings["steps"]}).steps
+    notes += quote_of(job.logs, float(grid.attrs["fine_cell"]), len(steps))
     write_overview(grid, steps, record, job.output(), notes)
 
 
-def quote_of(logs: Path | None, cell: float) -> list[str]:
-    """What `snakemake quote` foresaw for finest cells of this size (m), as a sentence; none where nobody asked."""
+def quote_of(logs: Path | None, cell: float, steps: int) -> list[str]:
+    """What `snakemake quote` foresaw for finest cells of this size (m) and so many steps, as a sentence; none where
+    nobody asked."""
     import json
     import math
 
@@ -48,7 +49,7 @@ def quote_of(logs: Path | None, cell: float) -> list[str]:
     except (OSError, ValueError, KeyError, TypeError):
         return []
     told = f"On cells of {cell:.3g} m with {kept['cores']} core{'s' * (kept['cores'] > 1)}, {one.text()}."
-    return [told] if math.isclose(one.cell, cell) else []
+    return [told] if math.isclose(one.cell, cell) and kept["steps"] == steps else []
 
 
 def quote_settings(mine: "Mine") -> dict:

@@ -38,7 +38,8 @@ def section(evidence: Evidence, _: Gallery) -> dict:
     what was foreseen, as text."""
     absent = {stage for stage, names in MADE_BY.items() if all(getattr(evidence, name) is None for name in names)}
     absent |= set() if evidence.steps else {"events"}
-    members = 0 if evidence.spread is None else int(evidence.spread.attrs["members"])
+    spread = evidence.spread
+    members = 0 if spread is None else int(spread.attrs["members"] + spread.attrs["collapsed_members"])
     rows = read_resources(evidence.logs, {str(step["step"]) for step in evidence.steps}, absent, members)
     cells = int(evidence.steps[-1]["cells"]) if evidence.steps else int(evidence.grid.sizes["cell"])
     run = {"cell": float(evidence.grid.attrs["fine_cell"]), "steps": len(evidence.steps), "members": members}
