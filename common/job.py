@@ -10,6 +10,7 @@ again, also where its own notes (`.snakemake`) are gone. `python -m workflow <fi
 import functools
 import hashlib
 import json
+import math
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator
@@ -106,12 +107,20 @@ def write_job(
         if not path.is_file() or path.read_text(encoding="utf-8", errors="replace") != text:
             with atomic_path(path) as temporary:
                 temporary.write_text(text, encoding="utf-8")
-        elif any(other.stat().st_mtime_ns < path.stat().st_mtime_ns for other in path.parent.glob("*.json")):
+        elif any(_modified(other) < _modified(path) for other in path.parent.glob("*.json")):
             # The results are of an older form; they may have been touched since this one was planned.
             os.utime(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}); mend its folder, or move it away") from error
     return path.as_posix()
+
+
+def _modified(path: Path) -> float:
+    """Time at which a file was written, ns; infinite where another process has removed it."""
+    try:
+        return path.stat().st_mtime_ns
+    except FileNotFoundError:
+        return math.inf
 
 
 def read_job(path: str | os.PathLike) -> Job:

@@ -47,6 +47,8 @@ def kernel_hash() -> str:
     digest = hashlib.sha256()
     for package in KERNEL_PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
+            if any(part.startswith(".") for part in path.relative_to(ROOT).parts):
+                continue  # an editor's
             source = path.read_bytes()
             if b"numba" in source:
                 digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + source)
@@ -58,16 +60,22 @@ def use_numba_cache() -> None:
 
     numba's own index compares the time stamp of the file that holds a kernel, and so misses an edit of a function
     which that kernel calls in another file. A new hash means a new folder; all but the latest few are removed. The
-    folder is in the checkout or, where nothing can be written there, in the user's cache.
+    folder is in the checkout or, where nothing can be written there, in the user's cache. NUMBA_CACHE_DIR names another
+    one, in which variables such as $TMPDIR are those of this process, and in which nothing is removed.
     """
     share_kernel_files()
     patch_numba()
-    if "NUMBA_CACHE_DIR" in os.environ:
-        return
-    folder = _writable([base / kernel_hash() for base in (ROOT / ".numba_cache", _user_cache())])
+    given = os.path.expandvars(os.environ.get("NUMBA_CACHE_DIR", ""))
+    if Path(given).name == kernel_hash():
+        return  # the process that started this one has set it
+    own = given and "$" not in given
+    bases = [Path(given)] if own else [ROOT / ".numba_cache", _user_cache()]
+    folder = _writable([base / kernel_hash() for base in bases])
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:  # it has read its environment already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
+    if own:
+        return
     others = sorted((entry for entry in folder.parent.iterdir() if entry != folder), key=_last_use)
     for path in others[: 1 - CACHES_KEPT]:
         shutil.rmtree(path, ignore_errors=True)

@@ -113,7 +113,8 @@ def run_stage(name: str, log: str | os.PathLike | None, function: Callable[[], N
             sys.exit(f"{whose}: {full}")
         sys.exit(f"{whose}: unexpected {type(error).__name__}: {error}; traceback in {log or 'the log above'}")
     peaks = [resource.getrusage(whose).ru_maxrss for whose in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    costs = Costs(*CLOCK.taken(), memory=max(peaks) / 1024)
+    unit = 1024**2 if sys.platform == "darwin" else 1024  # a peak in MiB: of bytes there, of KiB on Linux
+    costs = Costs(*CLOCK.taken(), memory=max(peaks) / unit)
     logging.info("%s", costs.closing_line(name))  # common.costs reads it back: nothing comes after it
     if file:
         cut = f"; its log {log} is cut short: {file.lost}" if file.lost else ""

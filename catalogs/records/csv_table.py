@@ -310,10 +310,14 @@ def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
     for place, line in sorted(head, key=lambda one: one[1].startswith("#")):  # comments last
         line = line.lstrip("# ")
         for separator in SEPARATORS:
-            header = [normalized(name) for name in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+            try:
+                cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+            except csv.Error:  # a line of JSON or XML is one field, longer than any
+                continue
+            header = [normalized(name) for name in cells]
             count = len(named & set(header))
             # without any of them, the first line, separated by what parts it most
-            score = (len(header) - 1) / len(line) if not count and place == first else count
+            score = (len(header) - 1) / max(len(line), 1) if not count and place == first else count
             if score > best:
                 best, found = score, (place, separator, header)
         if best == len(named):

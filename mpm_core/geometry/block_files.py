@@ -102,7 +102,10 @@ def _header(lines: list[str], named: set[str]) -> tuple[int, str, list[str]]:
     for number, line in enumerate(lines):
         for separator in SEPARATORS:
             text = line.removeprefix("#").strip() if line.startswith("#") else line
-            header = [name.strip() for name in next(csv.reader([text], delimiter=separator), [])]
+            try:
+                header = [name.strip() for name in next(csv.reader([text], delimiter=separator), [])]
+            except csv.Error:  # a line of JSON or XML is one field, longer than any
+                continue
             count = sum((name in named) or (name.lower() in known) for name in header)
             if count > best:
                 best, found = count, (number, separator, header)

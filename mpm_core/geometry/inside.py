@@ -24,7 +24,7 @@ from mpm_core.geometry.winding import (
 from mpm_core.simd.threads import threads_for
 
 # 4 x 4 x 4 in 3-D, 8 x 8 in 2-D; a set of them is the bits of one integer.
-SAMPLES_PER_CELL = 64
+SAMPLES_PER_CELL = 64  # numba compiles it into kernels (common/kernel_cache.py)
 
 # Sample points are moved outward from the cell's middle by this much of a cell, so that of two solids sharing a face on
 # a plane of sample points one and only one owns them. The components differ (powers of a golden ratio), else points

@@ -379,3 +379,9 @@ def test_rows_that_begin_as_comments_are_counted(tmp_path, caplog):
     rows = "".join(f"{'#' * (day > 4)}2019-08-{day:02d}T12:00:00Z,100,200,300,-1\n" for day in range(1, 8))
     assert read(tmp_path, PLAIN_HEADER + rows).sizes["event"] == 4
     assert "3 rows begin with # and are left out as comments" in caplog.text
+
+
+@pytest.mark.parametrize("text", ['{"events": [' + "1 2 3 " * 40_000 + "]}", " ###\n" + PLAIN_HEADER])
+def test_what_is_no_table_is_one_line(tmp_path, text):
+    """A field longer than any of a table, and a line of nothing but marks of comments, were tracebacks."""
+    assert "record.csv" in refused(tmp_path, text)

@@ -152,6 +152,12 @@ def test_what_is_wrong_in_a_table(tmp_path, header, change, words):
     assert "\n" not in str(refused.value)
 
 
+def test_what_is_no_table_is_one_line(tmp_path):
+    (tmp_path / "blocks.csv").write_text('{"blocks": [' + "1 2 3 " * 40_000 + "]}")
+    with pytest.raises(InputError, match="has no line with the names of columns"):
+        read(tmp_path / "blocks.csv")
+
+
 def test_a_table_without_a_block(tmp_path):
     with pytest.raises(InputError, match="no block below its header"):
         read(write(tmp_path / "blocks.csv", "XC,YC,ZC,XINC,YINC,ZINC,ROCK", []))

@@ -153,10 +153,25 @@ def test_numba_cache_is_named_by_the_sources_with_kernels_and_pruned(tmp_path, m
 
 
 def test_users_own_cache_folder_is_respected(tmp_path, monkeypatch):
-    """NUMBA_CACHE_DIR set from outside stays."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
+    """NUMBA_CACHE_DIR set from outside holds a folder of this version's kernels, which processes below this one use,
+    too. What else is in it stays. A variable in it is that of the node; without it the usual folder is taken."""
+    monkeypatch.setattr(sys.modules["numba"].config, "CACHE_DIR", "") if "numba" in sys.modules else None
+    for number in range(5):
+        (tmp_path / f"mine/other_{number}").mkdir(parents=True)
+    own = tmp_path / "mine" / kernel_cache.kernel_hash()
+    for given in (tmp_path / "mine", own):
+        monkeypatch.setenv("NUMBA_CACHE_DIR", str(given))
+        kernel_cache.use_numba_cache()
+        assert os.environ["NUMBA_CACHE_DIR"] == str(own)
+    assert len(list((tmp_path / "mine").iterdir())) == 6
+    monkeypatch.setenv("SCRATCH_OF_NODE", str(tmp_path / "node"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "$SCRATCH_OF_NODE/kernels")
     kernel_cache.use_numba_cache()
-    assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path / "mine")
+    assert os.environ["NUMBA_CACHE_DIR"] == str(tmp_path / "node/kernels" / own.name)
+    monkeypatch.delenv("SCRATCH_OF_NODE")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "$SCRATCH_OF_NODE/kernels")
+    kernel_cache.use_numba_cache()
+    assert os.environ["NUMBA_CACHE_DIR"] == str(kernel_cache.ROOT / ".numba_cache" / own.name)
 
 
 def run_on_read_only_checkout(tmp_path, **environment) -> subprocess.CompletedProcess:

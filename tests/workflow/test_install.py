@@ -40,11 +40,28 @@ def install(checkout: Path, python: str) -> subprocess.CompletedProcess:
 
 
 def test_nothing_is_done_where_the_packages_of_this_lock_file_are_installed(checkout):
-    (checkout / ".venv").mkdir()
+    """By the Python that is asked for, and where they run: a folder that was moved has programs of its old place."""
+    programs = checkout / ".venv/bin"
+    programs.mkdir(parents=True)
     shutil.copy(checkout / "requirements.lock", checkout / ".venv/installed.lock")
-    assert install(checkout, "no_such_python").returncode == 0
+    for name, text in (("snakemake", "exit 0"), ("python", "echo Python 3.13.1"), ("other", "echo Python 3.12.0")):
+        (programs / name).write_text(f"#!/bin/sh\n{text}\n")
+        (programs / name).chmod(0o755)
+    assert install(checkout, "").returncode == 0
+    assert install(checkout, str(programs / "python")).returncode == 0
+    (checkout / "fails").write_text('#!/bin/sh\ncase "$1" in -c) exit 1;; esac\necho Python 3.12.0\n')
+    (checkout / "fails").chmod(0o755)
+    assert install(checkout, str(checkout / "fails")).returncode == 1
+    (programs / "snakemake").write_text("#!/no/such/python\n")
+    assert install(checkout, str(checkout / "fails")).returncode == 1
+    (programs / "snakemake").write_text("#!/bin/sh\n")
     (checkout / "requirements.lock").write_text("numpy==2.0.1\n")
     assert install(checkout, "no_such_python").returncode == 1
+
+
+def test_packages_are_installed_beside_the_script_whatever_environment_is_active(checkout):
+    """uv takes VIRTUAL_ENV or that of conda, which then had them, and each later call said that all was there."""
+    assert ".venv/bin/uv pip install -q --python .venv/bin/python " in (checkout / "install").read_text()
 
 
 @pytest.mark.parametrize("python", ["no_such_python", "false"])

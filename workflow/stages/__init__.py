@@ -97,11 +97,14 @@ def stages() -> dict[str, Stage]:
 def package_hash(*packages: str) -> str:
     """Hash of all files of packages, of folders in them or of single modules, by their paths from the checkout.
 
-    What Python keeps of compiled modules is left out. Raises FileNotFoundError where there is no such path.
+    What Python keeps of compiled modules and hidden files are left out. Raises FileNotFoundError where there is no such
+    path.
     """
     digest = hashlib.sha256()
     for package in packages:
         for path in sorted((ROOT / package).rglob("*")) or [ROOT / package]:
-            if not path.is_dir() and "__pycache__" not in path.parts:
+            parts = path.relative_to(ROOT).parts
+            hidden = any(part.startswith(".") for part in parts)
+            if not path.is_dir() and "__pycache__" not in parts and not hidden:
                 digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:16]
