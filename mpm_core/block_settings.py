@@ -3,6 +3,7 @@
 import itertools
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
+import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from common.mine_grid import MineGrid
@@ -14,7 +15,7 @@ Sizes = Annotated[tuple[Size, ...], Field(min_length=3, max_length=3), AsTuple]
 
 def class_text(value: Any) -> str:
     """A class as text: a number of a code without decimals, 3 for 3.0."""
-    if isinstance(value, bool):
+    if isinstance(value, bool | np.bool_):
         return str(value).lower()
     return f"{value:.15g}" if isinstance(value, int | float) else str(value).strip()
 

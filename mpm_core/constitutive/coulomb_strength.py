@@ -24,6 +24,7 @@ from common.errors import InputError
 
 FRICTION_FACTOR, DILATION_FACTOR, UNCONFINED_STRENGTH, TENSILE_STRENGTH, APEX = range(5)
 ROW_LENGTH = 5
+MAX_ANGLE = 89.9  # degrees; (1 + sin) / (1 - sin) grows without a limit towards 90
 
 STRENGTH_ROUND_OFF = 1e-12  # Strengths that differ by at most this share count as equal.
 
@@ -41,8 +42,8 @@ def strength_row(
     N_phi 3.00, sigma_c 17.32 MPa
     """
     for name, angle in (("friction_angle", friction_angle), ("dilation_angle", dilation_angle)):
-        if not 0.0 <= angle < 90.0:
-            raise InputError(f"{name}: {angle} degrees: must be at least 0 and below 90")
+        if not 0.0 <= angle <= MAX_ANGLE:
+            raise InputError(f"{name}: {angle} degrees: must be from 0 to {MAX_ANGLE:g}")
     for name, strength in (("cohesion", cohesion), ("tension_cutoff", tension_cutoff)):
         if strength is not None and not (math.isfinite(strength) and strength >= 0.0):
             raise InputError(f"{name}: {strength} Pa: must be zero or positive, and finite")

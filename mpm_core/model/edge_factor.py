@@ -20,6 +20,7 @@ import scipy  # imports its parts as they are used, which small stages would wai
 from mpm_core.grid.octree import all_cells
 from mpm_core.model.particles import MASSIVE_BENDING_SHARE, bending_stiffness
 
+MAX_POISSON_RATIO = 0.4
 PATCH = 2  # cells; width of the patch, from the edge to its border
 PATCH_OF_SHARED_NODES = 1  # cells; the same where nodes carry the motion of both walls
 SECTORS = 3  # of the patch, each of rhombic cells: those of a lattice around a right-angled opening
@@ -101,8 +102,11 @@ def cell_stiffness(start: float, width: float, poisson_ratio: float) -> np.ndarr
 def edge_factor(angle: float, poisson_ratio: float, patch: int = PATCH) -> float:
     """Factor on the stiffness of rock cells around an edge at which rock fills this angle, radians, pi to 2 pi.
 
-    patch: its width, cells. 1 where the patch holds no more energy than the field.
+    patch: its width, cells. 1 where the patch holds no more energy than the field. Of rock with a larger Poisson's
+    ratio than MAX_POISSON_RATIO it is the factor of that: the patch is stiff there because its corners cannot move as
+    rock does that keeps its volume, which no factor takes away.
     """
+    poisson_ratio = min(poisson_ratio, MAX_POISSON_RATIO)
     field, width = SingularField.of(angle, poisson_ratio), angle / SECTORS
     corners = (all_cells((patch, patch))[:, None, :] + CORNERS).reshape(-1, 2)
     places, matrices, energy = [], [], 0.0

@@ -118,3 +118,11 @@ def test_a_lattice_of_squares_gives_the_same_factor():
 
     assert abs(excess(edge_factor(RIGHT_ANGLED, nu))) < 1e-9 * energy
     assert excess(1.0) > 0.05 * energy
+
+
+def test_rock_that_keeps_its_volume_has_a_factor():
+    """No factor takes away that corners of cells cannot move so; at 0.4999 none was found, and a fill ended the run."""
+    for patch in (1, PATCH):
+        factors = [edge_factor(RIGHT_ANGLED, nu, patch) for nu in (0.25, 0.4, 0.45, 0.4999)]
+        assert factors[1] == factors[2] == factors[3]
+        assert factors[0] > factors[1] > 0.5

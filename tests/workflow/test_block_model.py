@@ -9,7 +9,7 @@ import pytest
 from tiny_mines import FLAT, HOST, TINY, changed
 
 from common.errors import InputError
-from mpm_core.block_settings import PlacedBlocks
+from mpm_core.block_settings import PlacedBlocks, class_text
 from mpm_core.files.state_datasets import read_grid
 from mpm_core.scene.rock_blocks import read_blocks
 from mpm_core.stages.grid_stage import make_grid
@@ -198,3 +198,9 @@ def test_a_plane_strain_scene_has_none(refuse, model):
     model()
     line = refuse(changed(FLAT, **{"block_model": {"file": "blocks.csv", "material": "host"}}))
     assert line.startswith("block_model: a plane strain scene has no block model")
+
+
+def test_classes_that_are_true_or_false_are_those_of_the_mine_file():
+    """A table has numpy's, a YAML file Python's."""
+    assert class_text(np.True_) == class_text(True) == "true"
+    assert class_text(np.False_) == class_text(False) == "false"
