@@ -24,7 +24,7 @@ from verification.page_tables import Columns
 from verification.studies import load_study
 from verification.targets import Cases, Studies
 
-NAMES = ("economies_demo", "economies_renison_scale", "economies_stoping_year", "economies_tunnel")
+NAMES = ("economies_demo", "economies_renison_scale", "economies_tunnel")
 
 
 def test_work_is_each_iteration_times_the_cells_that_it_relaxed():

@@ -29,7 +29,7 @@ RATIOS = {  # By column: what it is the ratio of, off over on.
 CHANGES = {"potency_change": "potency_m3", "failed_volume_change": "failed_volume_m3"}  # Shares, off less on.
 COSTS = ("cells", "cell_cycles", "processor_s", "compiling_s", "memory_MiB")
 COLUMNS = ["mine", "economy", "state", *COSTS, "potency_m3", "failed_volume_m3", "truncated_share"]
-COLOURS = ("#0072b2", "#d55e00", "#cc79a7", "#009e73")  # Okabe and Ito (2008)
+COLOURS = ("#0072b2", "#d55e00", "#009e73")  # Okabe and Ito (2008)
 
 
 def measure_case(name: str, inputs: Inputs, threads: int) -> list[dict]:
