@@ -1,6 +1,7 @@
 """The equilibrium benchmark: its mesh, its limits, its table and page on made-up times, and one small case."""
 
 import json
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -22,6 +23,7 @@ from verification.benchmarks.study import STUDY, make_table
 from verification.studies import FOLDER, default_settings
 from verification.targets import Cases, Studies
 
+ROOT = Path(__file__).resolve().parents[2]
 SETTINGS = read_settings()
 
 
@@ -267,3 +269,14 @@ def test_packages_of_the_peers_are_pinned():
             assert (PEERS / code.script).exists()
         if code.requirements:
             assert all("==" in line for line in (PEERS / code.requirements).read_text().split())
+
+
+def test_the_first_case_is_made_by_its_rule(tmp_path):
+    """The rule's environment once reached the codes, which ended at once: no case of the page could be made."""
+    target = f"results/benchmarks/cases/{SETTINGS.cases()[0].name}.json"
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--directory", str(tmp_path)]
+    done = subprocess.run([*command, "--cores", str(SETTINGS.threads), target], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / target).read_text())["result"]
+    assert found["outcome"] == DONE
+    assert 4e-3 < found["closure"] < 6e-3
