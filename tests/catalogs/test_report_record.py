@@ -97,9 +97,8 @@ def test_a_record_beside_a_mine_without_dates_is_not_denied(mine, tmp_path):
 
 def evidence_of(count: int, **attributes) -> SimpleNamespace:
     """What the report tells of a record by its attributes alone."""
-    return SimpleNamespace(
-        is_twin=False, comparison=None, record=xr.Dataset({"x": ("event", np.zeros(count))}, attrs=attributes)
-    )
+    record = xr.Dataset({"x": ("event", np.zeros(count))}, attrs=attributes)
+    return SimpleNamespace(is_twin=False, comparison=None, record=record, config={})
 
 
 def test_result_says_so_when_all_of_the_record_lies_inside():
@@ -123,3 +122,5 @@ def test_result_says_so_when_all_of_the_record_lies_inside():
     )
     none = evidence_of(0, rows=60, filter=json.dumps([domain | {"before": 0, "after": 0}]))
     assert _account(none).endswith("No event lies in the modelled months.")
+    record.config = {"record": {"filter": {"start": "2019-08-05"}}}
+    assert "All 60 events in the dates compared lie inside" in _account(record)
