@@ -161,8 +161,6 @@ def _table(
             )
         if commas:
             table = read(",")
-    except InputError:
-        raise
     except (ValueError, OSError) as error:  # pandas' errors of parsing are ValueErrors
         raise InputError(f"is no readable table ({' '.join(str(error).split())[:200]})") from error
     return table.set_axis([header[index] for index in table.columns], axis=1)
