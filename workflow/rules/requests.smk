@@ -34,15 +34,15 @@ rule quote_of_mine:
         values=f"{OWN_LOGS}/quote.json",  # beside the logs, from which the report reads what stages took
     log:
         f"{OWN_LOGS}/quote.log",
-    params:  # of another machine, or with other cores, it is another one
-        machine=platform.node(),
-        cores=RESOURCES.all_cores,
     conda:
         ENVIRONMENT
     threads: RESOURCES.all_cores
     resources:
         mem_mb=by_attempt(4000),
         runtime=30,
+    params:  # of another machine, or with other cores, it is another one
+        machine=platform.node(),
+        cores=RESOURCES.all_cores,
     shell:
         RUN
 
