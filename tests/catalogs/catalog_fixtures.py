@@ -34,3 +34,13 @@ def made_up_catalog(count: int, seed: int = 0, kind: str = "synthetic", b: float
     )
     catalog.attrs |= {"kind": kind, "frame": json.dumps(FRAME), "potency_floor": 1e-3, "location_error": 0.0}
     return catalog
+
+
+def awkward_catalog() -> xr.Dataset:
+    """Thirty events with nanoseconds, one without a tensor, awkward names and attributes."""
+    catalog = made_up_catalog(30)
+    for name in ("potency_tensor", "moment_tensor", "p_axis", "b_axis", "t_axis", "iso", "clvd", "dc"):
+        catalog[name][3] = np.nan
+    catalog["step"][7] = "a <b> & 'c'"
+    catalog.attrs |= {"note": "stress < strength & rising", "seismic_fraction": 0.1, "truncated": 1}
+    return catalog
