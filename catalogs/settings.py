@@ -230,6 +230,8 @@ class ReportSlice(Settings):
     """how that grid lies on the map, in words"""
     sections: Annotated[tuple[SectionPlane, ...], AsTuple] = ()
     """planes that are shown, on the map"""
+    foreseen: dict[str, Any] = None
+    """what a request (accuracy) was told before the run: quotes `own`, `half` for half of the error, steps, members"""
 
 
 class GridConvergenceSettings(Settings):

@@ -9,6 +9,7 @@ import logging
 import math
 import os
 from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
 
 from common.errors import InputError, InputErrors, Mistakes
@@ -80,6 +81,7 @@ def load(
         text, settings = valid_subset(text, map(key_in, mistakes.lines))
     request = settings.accuracy if settings else None
     if settings and isinstance(request, AccuracyRequest):
+        asked = text["accuracy"]
         text, settings = text | {"accuracy": STANDARD}, settings.model_copy(update={"accuracy": STANDARD})
     if settings:
         grid_text = ""
@@ -106,7 +108,9 @@ def load(
         raise InputErrors(lines)
     if isinstance(request, AccuracyRequest):
         try:
-            return on_requested_cells(mine, request, mine_file)
+            found = on_requested_cells(mine, request, mine_file)
+            found.asked = asked
+            return found
         except InputErrors:  # of the file on those cells
             raise
         except InputError as error:
@@ -127,28 +131,36 @@ def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) ->
     from workflow.quote import Quotes, available_cores, choose, quote_slice, quote_source
 
     grid = mine.settings.grid
-    doubled = bool(mine.written_cells & {"coarse_cell", "levels"}) or "lower" in (mine.text.get("domain") or {})
     settings, code = quote_slice(mine), quote_source()
     content = [content_of(path) for path in files_of(settings["pilots"][:1])]
-    parts = [request.given(), doubled, settings["cell"], settings["pilots"], content, code]
-    path = REQUESTS / f"{mine.name}_{hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]}.json"
+    like = [settings[key] for key in ("doubled", "cell", "max_cells", "companion", "members", "pilots")]
+    parts = json.dumps([request.given(), *like, content, code], sort_keys=True)
+    path = REQUESTS / f"{mine.name}_{hashlib.sha256(parts.encode()).hexdigest()[:16]}.json"
     kept = _kept_choice(path)
     if kept is None:
         quotes = Quotes(settings, code, command_line.cores or available_cores())
-        cell = choose(quotes, request, doubled)
+        cell = choose(quotes, request)
     else:
         cell = kept["cell"]
     written = {key: value for key, value in (mine.text.get("grid") or {}).items() if key not in SIZE_KEYS}
-    if doubled:
+    if settings["doubled"]:
         levels = grid.levels + round(math.log2(mine.finest_cell / cell))
         written |= {"coarse_cell": f"{grid.coarse_cell:.15g} m", "levels": levels}
     else:
         written |= {"finest_cell": f"{cell:.15g} m"}
-    found = load(mine.text | {"grid": written}, mine_file, mine.default)
+    try:
+        found = load(mine.text | {"grid": written}, mine_file, mine.default)
+    except InputErrors as errors:
+        on = f"on the cells of {cell:.3g} m that follow from accuracy"
+        raise InputErrors(f"{line} ({on})" for line in errors.lines) from errors
     if kept is None:
-        kept = {"cell": cell, "said": quotes.at(found.finest_cell).text()}
+        own = quotes.at(found.finest_cell)
+        half = quotes.half(own)
+        kept = {"cell": cell, "said": own.text(), "own": asdict(own), "half": half and asdict(half)}
+        kept |= {key: settings[key] for key in ("steps", "members")}
         _keep_choice(path, kept)
     found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {kept['said']}"
+    found.foreseen = {key: kept[key] for key in ("own", "half", "steps", "members")}
     return found
 
 
@@ -163,10 +175,13 @@ def _keep_choice(path: Path, choice: dict) -> None:
 
 
 def _kept_choice(path: Path) -> dict | None:
-    """The finest cells (m) that were chosen for a request, and what was said of them; None if nothing was yet."""
+    """What was chosen for a request: the finest cells (m), what was said of them, and their quote and that of half the
+    error; None if nothing was yet."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
-        return {"cell": float(kept["cell"]), "said": str(kept["said"])}
+        own, half = kept["own"], kept["half"]
+        quotes = {"own": dict(own), "half": half and dict(half), "steps": kept["steps"], "members": kept["members"]}
+        return {"cell": float(kept["cell"]), "said": str(kept["said"])} | quotes
     except (OSError, ValueError, KeyError, TypeError):  # none yet, or no longer whole
         return None
 

@@ -412,8 +412,9 @@ class Mine(MineConfiguration):
         """Configuration that the report shows: as written, default, mining of each excavation, in-situ stress, grid."""
         grid = self.settings.frame.grid
         return {
-            "config": self.text,
+            "config": self.text | ({"accuracy": self.asked} if self.asked else {}),
             "default": self.default,
+            **({"foreseen": self.foreseen} if self.foreseen else {}),
             "excavations": self.schedule(),
             "insitu": self._insitu_stress() | {"surface": self.settings.frame.surface},
             **({"mine_grid": grid.given(), "grid_text": self.grid_text} if grid else {}),

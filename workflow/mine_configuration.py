@@ -46,6 +46,10 @@ class MineConfiguration:
         init=False, default=0
     )  # number of the ensemble's member: another random field of strength; 0: the mine itself
     requested: str = field(init=False, default="")  # what followed from a request (accuracy), for the user
+    asked: dict | None = field(init=False, default=None)  # the request as written
+    foreseen: dict | None = field(
+        init=False, default=None
+    )  # its quote `own`, `half` for half of the error, steps, members
     record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
     made_schedule: "MadeSchedule | None" = field(init=False, default=None)  # what section `schedule` makes
     grid_text: str = field(init=False, default="")  # how the grid of its file lies on the map; empty if it is the map

@@ -46,7 +46,8 @@ class Pilot:
 
     cell: edge of its finest cells, m; start, start_finest: cells of its grid, and the finest of them; grid, elastic:
     processor time of these stages without compiling, s, on one core; steps: those that it ran; thickness: of the rock
-    that failed in the last of them in which any did, m; NaN if none did.
+    that failed in the last of them in which any did, m; NaN if none did; around: the opening with most of the rock
+    that failed in that step around it, and collapsed: the step in which the mine collapsed, by name, or empty.
     """
 
     cell: float
@@ -56,6 +57,8 @@ class Pilot:
     elastic: float
     steps: tuple[PilotStep, ...]
     thickness: float
+    around: str = ""
+    collapsed: str = ""
 
     @property
     def seconds(self) -> float:
@@ -65,8 +68,8 @@ class Pilot:
 
 def pilot_slices(mine: Mine) -> list[dict]:
     """Settings of the pilots of a mine, on the largest cells first and on its own last: its stages as workflow.run_mine
-    takes them, up to the first dated step, and the size `cell` of the finest cells, m. None where its cells cannot be
-    larger."""
+    takes them, up to the first dated step that mines, the size `cell` of the finest cells, m, and the numbers of the
+    excavations that are `open` then. None where its cells cannot be larger."""
     levels = mine.settings.grid.levels
     fewest = max(1, min(2, levels - 1)) if mine.is_adaptive else 1  # of one size, none follow the rock
     own = copy.copy(mine)
@@ -78,9 +81,12 @@ def pilot_slices(mine: Mine) -> list[dict]:
 
 
 def _first_steps(mine: Mine) -> dict:
-    dated = next((number for number, name in enumerate(mine.mined_steps) if name in mine.dated_steps), 0)
+    steps, mined = mine.mined_steps, {entry.step for entry in mine.excavations}
+    dated = [number for number, name in enumerate(steps) if name in mine.dated_steps]
+    last = next((number for number in dated if steps[number] in mined), dated[0] if dated else 0)
     slices = mine.run_slices([])
-    return slices | {"steps": slices["steps"][: dated + 1], "cell": mine.finest_cell}
+    is_open = [number for number, entry in enumerate(mine.excavations) if 0 <= mine.step_index(entry.step) <= last]
+    return slices | {"steps": slices["steps"][: last + 1], "cell": mine.finest_cell, "open": is_open}
 
 
 def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -> Pilot:
@@ -139,20 +145,44 @@ def _run(slices: dict, failed: Path) -> Pilot:
     from workflow.derived_domain import quiet
     from workflow.run_mine import run_stages
 
-    seconds, steps, start, thickness = {}, [], (0, 0), np.nan
+    seconds, steps, start, thickness, around, collapsed = {}, [], (0, 0), np.nan, "", ""
     before = running_time()
-    with quiet():  # The mine's own stages will warn.
-        for name, dataset, facts in run_stages(slices, failed):
-            now = running_time()
-            seconds[name] = now - before
-            if name == "grid":
-                start = _cells(dataset)
-            if name.startswith("steps/"):
-                steps.append(PilotStep(name.removeprefix("steps/"), *_cells(dataset), seconds[name]))
-                of_step = failed_thickness(dataset, [facts["step_index"]]) * slices["cell"]
-                thickness = of_step if np.isfinite(of_step) else thickness
-            before = running_time()
-    return Pilot(slices["cell"], *start, seconds["grid"], seconds["elastic"], tuple(steps), float(thickness))
+    try:
+        with quiet():  # The mine's own stages will warn.
+            for name, dataset, facts in run_stages(slices, failed):
+                now = running_time()
+                seconds[name] = now - before
+                if name == "grid":
+                    grid, start = dataset, _cells(dataset)
+                if name.startswith("steps/"):
+                    step = name.removeprefix("steps/")
+                    steps.append(PilotStep(step, *_cells(dataset), seconds[name]))
+                    of_step = failed_thickness(dataset, [facts["step_index"]]) * slices["cell"]
+                    if np.isfinite(of_step):
+                        thickness, around = of_step, _around(dataset, facts["step_index"], grid, slices["open"])
+                    if facts.get("collapsed") and not collapsed:
+                        collapsed = step
+                before = running_time()
+    except InputError as error:
+        raise InputError(f"tried on cells of {slices['cell']:.4g} m: {error}") from error
+    return Pilot(
+        slices["cell"], *start, seconds["grid"], seconds["elastic"], tuple(steps), float(thickness), around, collapsed
+    )
+
+
+def _around(state: xr.Dataset, step: int, grid: xr.Dataset, is_open: list[int]) -> str:
+    """The opening with most of the rock that failed in a step (by index) nearest to it; empty without openings."""
+    from catalogs.sources.openings import nearest_opening
+
+    names = json.loads(grid.attrs["excavation_names"])
+    failed = state["failed"].values == step
+    opened = np.isin(np.arange(len(names)), is_open)
+    nearest, _ = nearest_opening(
+        state["position"].values[failed], grid["piece_origin"].values, float(grid.attrs["fine_cell"]),
+        grid["piece_excavation"].values.astype(np.int64), opened, np.arange(len(names)),
+    )  # fmt: skip
+    volume = np.bincount(nearest[nearest >= 0], state["volume"].values[failed][nearest >= 0], minlength=len(names))
+    return names[int(volume.argmax())] if volume.any() else ""
 
 
 def _cells(dataset: xr.Dataset) -> tuple[int, int]:

@@ -4,10 +4,12 @@ A pilot on larger cells shows what the first steps take (workflow.pilot). From t
 
 - The cells of the grid are counted. Of those that steps add, the finest lie around failed rock: with cells of half the
   size there are 2^FINEST_ORDER times as many. The coarser ones surround these and what is mined: there are
-  2^COARSER_ORDER times as many. Each later step adds LATER_SHARE of what the first dated one adds.
+  2^COARSER_ORDER times as many. Each later step adds LATER_SHARE of what the first dated one adds. The run splits no
+  cells beyond grid.max_cells.
 - Failure spreads cell by cell, so a step takes more cycles on smaller cells: 2^CYCLES_ORDER times as many with half the
   size. A cycle takes time as cells^CELLS_ORDER, since many cells no longer stay in the cache. Other stages take time in
   proportion to their cells.
+- In plane strain the orders of added cells and of cycles are less by one.
 - Failed rock has nearly the same thickness in metres. Its last cell fails as a whole or not at all, so it is thinner on
   smaller cells, 2^-THICKNESS_ORDER times with half the size. Its thickness in cells gives the error, by the law of
   study openings (catalogs.compare.cell_error).
@@ -25,7 +27,7 @@ from common.costs import duration_text
 from common.errors import InputError
 from mpm_core.geometry.thickness import Across
 from mpm_core.settings import MAX_LEVELS
-from mpm_core.stages.grid_stage import cells_at_start
+from mpm_core.stages.grid_stage import cells_at_start, draft_keeps_cells
 from mpm_core.stages.stage_memory import stage_bytes, usable
 from workflow.cells_across import across_of
 from workflow.mine import Mine
@@ -43,9 +45,9 @@ LATER_SHARE = 0.25
 THICKNESS_ORDER = 0.25
 REPORT_SECONDS = 15.0  # processor time from events to report
 SERIAL_SHARE = 0.4  # of a run's processor time, which one core takes alone
-SIZES = {2.0: "twice as large", 1.0: "as in the file", 0.5: "half as large"}
+SIZES = {2.0: "twice as large", 1.0: "as they are", 0.5: "half as large"}
 PRESET_OF = {2.0: "draft", 1.0: "standard", 0.5: "fine"}
-MIN_SIZE, MAX_SIZE = 1.0 / 64.0, 64.0  # finest cells that are looked for, over those of the file
+MIN_SIZE, MAX_SIZE = 1.0 / 64.0, 64.0  # finest cells that are looked for, over those of the mine
 HALVINGS = 40  # of the search for a size
 MAX_NAMED = 3  # openings that one line names
 
@@ -54,9 +56,10 @@ MAX_NAMED = 3  # openings that one line names
 class Quote:
     """A run of a mine as it is foreseen on finest cells of a size.
 
-    cell m; start, end: cells of the grid, and after the last step; memory: bytes at the peak; processor, wall: time of
-    the whole run, s, its companion and its ensemble included, without compiling; error: of potency and failed volume,
-    a share; NaN where no rock fails, infinite where too little of it is shown.
+    cell m; start, end: cells of the grid, and after the last step; memory: bytes at the peak, of steps and of the
+    companion that runs beside them; processor, wall: time of the whole run, s, its companion and its ensemble included,
+    without compiling; error: of potency and failed volume, a share; NaN where no rock failed in the pilot, infinite
+    where too little of it did.
     """
 
     cell: float
@@ -76,8 +79,12 @@ class Quote:
 
 
 def quote_slice(mine: Mine) -> dict:
-    """Settings of a quote: pilots, grids on cells of the sizes SIZES, and what costs depend on besides."""
+    """Settings of a quote: pilots, grids on cells of the sizes SIZES, and what costs depend on besides.
+
+    Where the file gives cells or corners of the domain that go with them, other cells are doubled or halved ones.
+    """
     settings, across = mine.settings, across_of(mine)
+    doubled = bool(mine.written_cells & {"coarse_cell", "levels"}) or "lower" in (mine.text.get("domain") or {})
     grids = {}
     for size in SIZES:
         levels = settings.grid.levels - round(math.log2(size))
@@ -87,6 +94,9 @@ def quote_slice(mine: Mine) -> dict:
     return {
         "name": mine.name,
         "cell": mine.finest_cell,
+        "levels": settings.grid.levels,
+        "doubled": doubled,
+        "max_cells": settings.grid.max_cells,
         "pilots": pilot_slices(mine),
         "grids": grids,
         "across": {name: [one.cells * mine.finest_cell, one.needed] for name, one in across.items()},
@@ -120,13 +130,44 @@ class Quotes:
     def __init__(self, settings: dict, code: str, cores: int):
         if not settings["pilots"]:
             raise InputError(
-                "grid.levels: all cells are of one size, and the mine cannot be tried on larger ones; use "
-                "grid.levels: 2 or more"
+                "grid.levels: all cells are of one size, and the mine cannot be tried on larger ones; use more "
+                "grid.levels"
             )
+        if settings["accuracy"] == PRESET_OF[2.0] and draft_keeps_cells(settings["grids"][str(settings["cell"])]):
+            settings = settings | {"cell": 0.5 * settings["cell"]}
         self.settings, self.cores = settings, cores
-        self.cells = {float(cell): cells_at_start(grid) for cell, grid in settings["grids"].items()}
+        self.cells: dict[float, int] = {}
+        for cell, grid in settings["grids"].items():
+            try:
+                self.cells[float(cell)] = cells_at_start(grid)
+            except InputError:  # too little memory to count them
+                if float(cell) >= settings["cell"]:
+                    raise
         self.pilot = pilot_of(settings["name"], settings["pilots"], self.cells[settings["cell"]], code, cores)
         self.cells[self.pilot.cell] = self.pilot.start
+
+    @property
+    def own(self) -> Quote:
+        """The quote on the mine's own cells."""
+        return self.at(self.settings["cell"], draft=self.settings["accuracy"] == PRESET_OF[2.0])
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """The smallest and the largest finest cells (m) that there can be, as far as they are looked for."""
+        settings = self.settings
+        least, most = MIN_SIZE, MAX_SIZE
+        if settings["doubled"]:
+            least = max(least, 2.0 ** (settings["levels"] - MAX_LEVELS))
+            most = min(most, 2.0 ** (settings["levels"] - 1))
+        return least * settings["cell"], most * settings["cell"]
+
+    def possible(self, cell: float, up: bool = False) -> float:
+        """The largest size (m) not above this one, or (up) the smallest not below, that the cells of the file can have:
+        of two digits, or doubled or halved."""
+        if not self.settings["doubled"]:
+            return _rounded(cell, up)
+        halvings = math.log2(self.settings["cell"] / cell)
+        return self.settings["cell"] / 2.0 ** (math.floor(halvings + 1e-9) if up else math.ceil(halvings - 1e-9))
 
     def cells_at(self, cell: float) -> float:
         """Cells of the grid with finest cells of a size (m): a power of the size between those that were counted."""
@@ -136,36 +177,42 @@ class Quotes:
         slope = (numbers[place + 1] - numbers[place]) / (sizes[place + 1] - sizes[place])
         return math.exp(numbers[place] + slope * (math.log(cell) - sizes[place]))
 
-    def at(self, cell: float) -> Quote:
-        """The quote on finest cells of a size (m)."""
+    def at(self, cell: float, draft: bool = False) -> Quote:
+        """The quote on finest cells of a size (m). draft: without a companion."""
         settings = self.settings
         own, steps, end = self._costs(cell)
-        whole = own + REPORT_SECONDS + settings["members"] * steps
-        if settings["companion"]:
-            whole += self._costs(2.0 * cell)[0]
+        whole, memory = own + REPORT_SECONDS + settings["members"] * steps, self._memory(end)
+        if settings["companion"] and not draft:
+            more, _, beside = self._costs(2.0 * cell)
+            whole += more
+            memory += self._memory(beside) if self.cores > 1 else 0.0
         alone = own * (SERIAL_SHARE + (1.0 - SERIAL_SHARE) / self.cores)
-        particles = end * settings["particles_per_cell"]
-        memory = stage_bytes(settings["scheme"], settings["dimension"], end, particles, follows=settings["follows"])
         law = error_at(self.pilot.thickness / cell * (cell / self.pilot.cell) ** THICKNESS_ORDER)
         error = math.inf if law > MAX_ERROR else math.expm1(law)
         return Quote(cell, round(self.cells_at(cell)), end, memory, whole, max(alone, whole / self.cores), error)
 
+    def _memory(self, cells: int) -> float:
+        settings = self.settings
+        particles = cells * settings["particles_per_cell"]
+        return stage_bytes(settings["scheme"], settings["dimension"], cells, particles, follows=settings["follows"])
+
     def _costs(self, cell: float) -> tuple[float, float, int]:
         """Processor time of grid, elastic equilibrium and all steps, s, of the steps alone, and cells at the end."""
-        pilot, finer = self.pilot, self.pilot.cell / cell
+        pilot, finer, most = self.pilot, self.pilot.cell / cell, self.settings["max_cells"]
+        less = 3 - self.settings["dimension"]
         before, start = (pilot.start, pilot.start_finest), self.cells_at(cell)
         cells = start
         steps = seconds = added = 0.0
         for step in pilot.steps:
             more, finest = step.cells - before[0], step.finest - before[1]
-            added = finest * finer**FINEST_ORDER + (more - finest) * finer**COARSER_ORDER
+            added = finest * finer ** (FINEST_ORDER - less) + (more - finest) * finer ** (COARSER_ORDER - less)
             before = step.cells, step.finest
-            cells += added
-            seconds = step.seconds * (cells / step.cells) ** CELLS_ORDER * finer**CYCLES_ORDER
+            cells = max(cells, min(cells + added, most))
+            seconds = step.seconds * (cells / step.cells) ** CELLS_ORDER * finer ** (CYCLES_ORDER - less)
             steps += seconds
         for _ in range(self.settings["steps"] - len(pilot.steps)):
             seconds *= (1.0 + LATER_SHARE * added / cells) ** CELLS_ORDER
-            cells += LATER_SHARE * added
+            cells = max(cells, min(cells + LATER_SHARE * added, most))
             steps += seconds
         return (pilot.grid + pilot.elastic) * start / pilot.start + steps, steps, round(cells)
 
@@ -183,56 +230,70 @@ class Quotes:
 
     def largest(self, suits: Callable[[Quote], bool]) -> float:
         """The largest finest cells (m) that suit, and all smaller ones do; 0 if none do."""
-        return self._bisect(suits, MIN_SIZE, MAX_SIZE)
+        least, most = self.sizes
+        return self._bisect(suits, least, most)
 
     def smallest(self, suits: Callable[[Quote], bool]) -> float:
         """The smallest finest cells (m) that suit, and all larger ones do; infinite if none do."""
-        return self._bisect(suits, MAX_SIZE, MIN_SIZE) or math.inf
+        least, most = self.sizes
+        return self._bisect(suits, most, least) or math.inf
 
     def _bisect(self, suits: Callable[[Quote], bool], good: float, bad: float) -> float:
-        own = self.settings["cell"]
-        if not suits(self.at(own * good)):
+        if not suits(self.at(good)):
             return 0.0
         for _ in range(HALVINGS):
             middle = math.sqrt(good * bad)
-            good, bad = (middle, bad) if suits(self.at(own * middle)) else (good, middle)
-        return own * good
+            good, bad = (middle, bad) if suits(self.at(middle)) else (good, middle)
+        return good
 
 
 def text_of(quotes: Quotes) -> str:
     """The quotes of a mine on cells of the sizes SIZES as lines of text."""
     settings, pilot = quotes.settings, quotes.pilot
+    own = quotes.own
     rows = [
         ("finest cells", "", "cells at the start", "at the end", "memory", "processor time", "by the clock", "error")
     ]
     for size, title in SIZES.items():
         cell = settings["cell"] * size
-        if str(cell) not in settings["grids"]:
+        if cell not in quotes.cells:
             continue
-        one = quotes.at(cell)
-        preset = f" ({PRESET_OF[size]})" if settings["accuracy"] == PRESET_OF[1.0] else ""
+        preset = PRESET_OF[size] if settings["accuracy"] == PRESET_OF[1.0] else ""
+        one = quotes.at(cell, draft=preset == PRESET_OF[2.0])
         rows.append(
             (
-                title + preset, f"{cell:.3g} m", f"{one.start:,}", f"{one.end:,}", f"{one.memory / 1e9:.1f} GB",
-                duration_text(one.processor), duration_text(one.wall), error_text(one.error),
+                title + f" ({preset})" * bool(preset), f"{cell:.4g} m", f"{one.start:,}", f"{one.end:,}",
+                f"{one.memory / 1e9:.1f} GB", duration_text(one.processor), duration_text(one.wall),
+                error_text(one.error),
             )
         )  # fmt: skip
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     tried = " and ".join(step.name for step in pilot.steps) or "elastic equilibrium"
     lines = [
         f"{settings['name']}: what it takes on this machine with {quotes.cores} core{'s' * (quotes.cores > 1)}, by "
-        f"{tried} on cells of {pilot.cell:.3g} m. The error is that of potency and of failed volume.",
+        f"{tried} on cells of {pilot.cell:.4g} m. The error is that of potency and of failed volume.",
         *("  ".join(part.rjust(width) for part, width in zip(row, widths, strict=True)) for row in rows),
     ]
+    if pilot.around:
+        lines.append(f"most of the rock that fails there, and so most of the error, is around {pilot.around}")
+    if settings["follows"] and pilot.start == pilot.start_finest:
+        lines.append("there all cells are of one size: how many the run splits around failing rock is not foreseen")
+    if pilot.collapsed:
+        lines.append(
+            f"there the mine collapses in {pilot.collapsed}: steps after a collapse are not computed, and cost nothing "
+            "here"
+        )
+    if own.end >= settings["max_cells"]:
+        lines.append(f"grid.max_cells ({settings['max_cells']:,}) is reached: rock fails in larger cells then")
     free = usable()
-    if quotes.at(settings["cell"]).memory > free:
+    if own.memory > free:
         fits = quotes.smallest(lambda one: one.memory <= free)
-        which = f"cells of {_rounded(fits, up=True):g} m fit" if math.isfinite(fits) else "no cells fit"
+        which = f"cells of {quotes.possible(fits, up=True):.4g} m fit" if math.isfinite(fits) else "no cells fit"
         lines.append(f"{free / 1e9:.1f} GB of memory are free: {which}")
     if narrow := quotes.narrow(settings["cell"]):
         more = f" and {len(narrow) - MAX_NAMED} more" if len(narrow) > MAX_NAMED else ""
         lines.append(
-            f"too little rock fails around openings that are narrow for the file's cells, whatever the error above: "
+            f"too little rock fails around openings that are narrow for these cells, whatever the error above: "
             f"{', '.join(narrow[:MAX_NAMED])}{more}"
         )
     return "\n".join(lines) + "\n"
@@ -241,7 +302,7 @@ def text_of(quotes: Quotes) -> str:
 def error_text(error: float) -> str:
     """An error as a quote states it."""
     if math.isnan(error):
-        return "no rock fails"
+        return "no rock failed in the trial"
     return f"{100 * error:.0f} %" if math.isfinite(error) else "too large to say"
 
 
@@ -251,9 +312,8 @@ def _rounded(cell: float, up: bool = False) -> float:
     return (math.ceil(cell / unit - 1e-9) if up else math.floor(cell / unit + 1e-9)) * unit
 
 
-def choose(quotes: Quotes, request: AccuracyRequest, doubled: bool) -> float:
-    """Finest cells (m) that a request asks for. doubled: only those of the file, doubled or halved. Without a memory
-    in the request, that which is free counts.
+def choose(quotes: Quotes, request: AccuracyRequest) -> float:
+    """Finest cells (m) that a request asks for. Without a memory in the request, that which is free counts.
 
     Raises InputError, one line that says what can be had, where there are none.
     """
@@ -263,32 +323,39 @@ def choose(quotes: Quotes, request: AccuracyRequest, doubled: bool) -> float:
         "memory": lambda one: one.memory <= asked["memory"] * 1e9,
     }
     fit = max(quotes.smallest(limits[key]) for key in limits.keys() & asked.keys())
-    own = quotes.settings["cell"]
+    least, most = map(quotes.at, quotes.sizes)
     if fit == math.inf:
-        least = quotes.at(own * MAX_SIZE)
         raise InputError(
-            f"accuracy: not to be had: on cells of {least.cell:.3g} m it still takes {duration_text(least.wall)} and "
-            f"{least.memory / 1e9:.1f} GB"
+            f"accuracy: not to be had: on cells of {most.cell:.4g} m it still takes {duration_text(most.wall)} and "
+            f"{most.memory / 1e9:.1f} GB"
         )
+    fit = min(quotes.possible(fit, up=True), most.cell)
     if "error" not in asked:
-        return own * 2.0 ** math.ceil(math.log2(fit / own) - 1e-9) if doubled else _rounded(fit, up=True)
+        return fit
     if math.isnan(quotes.pilot.thickness):
         raise InputError(
-            f"accuracy.error: no rock fails on the cells of {quotes.pilot.cell:.3g} m that the mine was tried on: no "
+            f"accuracy.error: no rock fails on the cells of {quotes.pilot.cell:.4g} m that the mine was tried on: no "
             "error is foreseen; ask for a time or a memory, or give grid.finest_cell"
         )
     cell = quotes.largest(lambda one: one.error <= asked["error"] / 100.0)
     if not cell:
-        raise InputError(
-            f"accuracy.error: {asked['error']:g} % is not to be had: study openings vouches for no less than "
-            f"{100 * math.expm1(MIN_ERROR):.1f} %"
+        vouched = math.expm1(MIN_ERROR)
+        why = (
+            f"study openings vouches for no less than {100 * vouched:.1f} %"
+            if asked["error"] / 100.0 < vouched
+            else f"on cells of {least.cell:.4g} m, the smallest with so many sizes (grid.levels), it is still "
+            f"{error_text(least.error)}"
         )
-    cell = own * 2.0 ** math.floor(math.log2(cell / own) + 1e-9) if doubled else _rounded(cell)
+        raise InputError(f"accuracy.error: {asked['error']:g} % is not to be had: {why}")
+    cell = max(quotes.possible(cell), least.cell)
     if cell < fit:
         takes, instead = quotes.at(cell), quotes.at(fit)
+        free = "" if "memory" in request.given() else " of free memory"
+        within = [] if request.time is None else [f"{request.time:g} min"]
+        within.append(f"{asked['memory']:.3g} GB{free}")
         raise InputError(
-            f"accuracy: an error of {asked['error']:g} % needs cells of {cell:.3g} m, {duration_text(takes.wall)} and "
-            f"{takes.memory / 1e9:.1f} GB; within the limits the error is {error_text(instead.error)}, on cells of "
-            f"{_rounded(fit, up=True):g} m"
+            f"accuracy: an error of {asked['error']:g} % needs cells of {cell:.4g} m, {duration_text(takes.wall)} and "
+            f"{takes.memory / 1e9:.1f} GB; within {' and '.join(within)} the error is {error_text(instead.error)}, on "
+            f"cells of {fit:.4g} m"
         )
     return cell

@@ -99,7 +99,8 @@ class Evidence:
     catalog, record, comparison, spread, event_rules, grid_convergence, forecast_scores, openings, observations,
     scans, source_parameters, shaking, loading: the datasets of these names, None where there is none; files: {path:
     attributes} of all read; logs: folder of the stages' logs; insitu: stress before mining; mine_grid, grid_text: grid
-    of the mine's own coordinates, if it is not the map, and in words; sections: planes that the mine file chooses.
+    of the mine's own coordinates, if it is not the map, and in words; sections: planes that the mine file chooses;
+    foreseen: what a request (accuracy) was told before the run.
     """
 
     config: dict
@@ -128,6 +129,7 @@ class Evidence:
     mine_grid: GridMap | None = None
     grid_text: str = ""
     sections: tuple[SectionPlane, ...] = ()
+    foreseen: dict | None = None
 
     @property
     def steps(self) -> list[dict]:
@@ -223,6 +225,7 @@ def read_evidence(paths: Mapping[str, Any], settings: ReportSlice, logs: str | o
         mine_grid=settings.mine_grid.map() if settings.mine_grid else None,
         grid_text=settings.grid_text,
         sections=settings.sections,
+        foreseen=settings.foreseen,
     )
 
 

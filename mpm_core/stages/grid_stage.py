@@ -312,6 +312,14 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
     return kept, lost
 
 
+def draft_keeps_cells(values: GridSlice | dict) -> bool:
+    """Whether the draft of this slice keeps the cells of the mine's file."""
+    values = GridSlice.of(values)
+    solids = read_solids(values.excavations, "excavations", domain_of(values))
+    _, lost = cells_of_draft(values, solids, np.isin(np.arange(len(solids)), values.later))
+    return len(lost) > 0
+
+
 def volumes_of(pieces: FinestPieces, edge_nodes: EdgeNodes, domain: Domain) -> np.ndarray:
     """Volume of each part, in finest cells, (piece,)."""
     place, corners = distorted_shapes(edge_nodes.place, edge_nodes.shift)

@@ -41,28 +41,34 @@ def test_resources_are_of_the_stages_of_this_plan(tmp_path):
 
 
 OWN = {"cell": 2.0, "end": 90_000, "processor": 180.0, "memory": 7e8, "error": 0.12}
-RUN = {"cell": 2.0, "steps": 3, "members": 0}
+RUN = {"cell": 2.0, "steps": 3, "members": 0, "made_of": ["grid", "rock"]}
 ROWS = [
-    {"processor": 200.0, "compiling": 20.0, "memory": 600.0},
-    {"processor": 60.0, "compiling": 0.0, "memory": 500.0},
+    {"stage": "steps/a", "processor": 200.0, "compiling": 20.0, "memory": 600.0},
+    {"stage": "grid", "processor": 60.0, "compiling": 0.0, "memory": 500.0},
+    {"stage": "elastic_rock, all stages", "processor": 900.0, "compiling": 0.0, "memory": 900.0},  # was in no quote
+    {"stage": "vtk/steps/a", "processor": 900.0, "compiling": 0.0, "memory": 900.0},
 ]
+QUOTE = {"own": OWN, "half": None, "steps": 3, "members": 0}
 
 
 @pytest.mark.parametrize("half", [None, {"cell": 1.41, "processor": 600.0}])
 def test_what_was_foreseen_stands_beside_what_it_took(tmp_path, half):
-    (tmp_path / "quote.json").write_text(json.dumps({"own": OWN, "half": half, "steps": 3, "members": 0}))
+    (tmp_path / "quote.json").write_text(json.dumps(QUOTE | {"half": half, "made_of": RUN["made_of"]}))
     said = foreseen(tmp_path, ROWS, RUN, 92_000).replace("\u202f", ",")
-    assert said.startswith("Before the run, 3 min of processor time, 0.7 GB and 90,000 cells were foreseen. ")
-    assert "It took 4 min without compiling, 0.6 GB and 92,000 cells. " in said
+    assert said.startswith("Before the run, 3 min of processor time, 0.7 GB at a time and 90,000 cells were foreseen. ")
+    assert "It took 4 min without compiling, 0.6 GB in its largest stage, and 92,000 cells. " in said
     assert "error of potency and of failed volume was 12 %" in said
-    assert said.endswith("Half of it needs cells of 1.4 m and about 10 min.") is bool(half)
+    assert said.endswith("Half of it needs cells of 1.41 m and about 10 min of processor time.") is bool(half)
+    assert said.endswith("Half of it is less than study openings vouches for.") is not bool(half)
+    (tmp_path / "quote.json").unlink()
+    assert foreseen(tmp_path, ROWS, RUN, 92_000, QUOTE | {"half": half}).replace("\u202f", ",") == said  # of a request
 
 
 def test_what_was_foreseen_for_another_run_or_not_at_all_is_not_told(tmp_path):
     assert foreseen(tmp_path, ROWS, RUN, 92_000) == ""
-    (tmp_path / "quote.json").write_text(json.dumps({"own": OWN, "half": None, "steps": 3, "members": 0}))
+    (tmp_path / "quote.json").write_text(json.dumps(QUOTE | {"made_of": RUN["made_of"]}))
     assert foreseen(tmp_path, ROWS, RUN, 92_000)
-    for other in ({"cell": 1.0}, {"steps": 4}, {"members": 8}):
+    for other in ({"cell": 1.0}, {"steps": 4}, {"members": 8}, {"made_of": ["grid", "weaker rock"]}):
         assert foreseen(tmp_path, ROWS, RUN | other, 92_000) == ""
     assert foreseen(tmp_path, [], RUN, 92_000) == ""
     (tmp_path / "quote.json").write_text("{")

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from common.errors import InputError
 from verification import foreseen
 from verification.foreseen import study
 from verification.foreseen.study import COLUMNS, STUDY, held, mines_of
@@ -30,6 +31,7 @@ def test_shares_of_quotes_within_factors_and_of_errors_within_what_was_stated():
         row(took_s=6.0, stated_error=0.17, pilot_cell_m=2.0),  # tried on its own cells
         row(took_s=30.0, stated_error=np.nan),
         row(took_s=10.0, potency_error=np.nan, volume_error=np.nan, stated_error=np.inf),
+        row(potency_error=np.inf, volume_error=np.inf),  # nothing failed in the run: not within any error
     ]
     request = {"mine": "raise", "asked": "error 10 %", "finest_cell_m": 2.0, "cells": 9, "took_s": 30.0}
     asked = [request | {"potency_error": 0.04, "volume_error": 0.02}, request | {"took_over_asked": 0.5}]
@@ -38,8 +40,8 @@ def test_shares_of_quotes_within_factors_and_of_errors_within_what_was_stated():
     assert made["requested"]["largest_error"].tolist() == pytest.approx([0.04, np.nan], nan_ok=True)
     assert list(made["table"].columns) == list(COLUMNS)
     shares = held(made["table"]).set_index("what")
-    assert shares["share"].tolist() == pytest.approx([3 / 5, 4 / 5, 3 / 4, 3 / 4, 4 / 5, 5 / 6, 2 / 3])
-    assert shares["quotes"].tolist() == [5, 5, 4, 4, 5, 6, 3]
+    assert shares["share"].tolist() == pytest.approx([4 / 6, 5 / 6, 4 / 5, 4 / 5, 5 / 6, 5 / 8, 3 / 4])
+    assert shares["quotes"].tolist() == [6, 6, 5, 5, 6, 8, 4]
     figure = STUDY.figures({"a": rows, f"{foreseen.REQUESTS}-raise": asked})["figure"]
     assert isinstance(figure, Figure)
     labels = [panel.get_xlabel() for panel in figure.axes]
@@ -84,4 +86,20 @@ def test_the_cases_are_mines_on_the_sizes_that_are_named():
         found = [mine.finest_cell for mine in mines_of(name)]
         assert found == pytest.approx(list(sizes)) or (name == "mine_elk_creek" and not found)  # data of others
     assert [mine.finest_cell for mine in mines_of("stope")] == [2.5, 1.25]
+    assert [mine.finest_cell for mine in mines_of(foreseen.SECTION)] == list(foreseen.SECTION_SIZES)
+
+
+def test_only_the_mine_whose_data_are_of_others_may_be_left_out(monkeypatch):
+    """A mistake in the file of any other one took it from table and page."""
+
+    def load_mine(path):
+        raise InputError("wrong")
+
+    monkeypatch.setattr(study, "load_mine", load_mine)
+    assert not list(mines_of("mine_elk_creek"))
+    with pytest.raises(InputError, match="wrong"):
+        list(mines_of("mine_demo"))
+
+
+def test_cases_are_named_once():
     assert pd.Series(foreseen.CASES).is_unique

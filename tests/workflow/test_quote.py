@@ -13,6 +13,7 @@ from tiny_mines import TINY, box, snakemake, write_mine
 
 from catalogs.compare.cell_error import MIN_ERROR, error_at
 from common.errors import InputError
+from common.job import config_hash
 from mpm_core.stages.grid_stage import cells_at_start, make_grid
 from workflow import command_line, pilot, quote
 from workflow.configuration import load_mine
@@ -25,9 +26,10 @@ FLAT = Path(__file__).parents[1] / "golden/mines/flat.yaml"
 STEPS = (PilotStep("history", 1200, 600, 3.0), PilotStep("2019-08", 2000, 1200, 10.0))
 FOUND = Pilot(4.0, 1000, 500, 1.0, 2.0, STEPS, 4.0)
 SETTINGS = {
-    "name": "made_up", "cell": 2.0, "pilots": [{}], "grids": {"4.0": 1000, "2.0": 3000, "1.0": 10_000},
-    "across": {"wide": [8.0, 3], "drive": [3.0, 3], "slot": [3.0, 2]}, "steps": 2, "scheme": "multigrid",
-    "dimension": 3, "particles_per_cell": 1, "follows": True, "companion": False, "members": 0, "accuracy": "standard",
+    "name": "made_up", "cell": 2.0, "levels": 7, "doubled": False, "max_cells": 10**8, "pilots": [{}], "steps": 2,
+    "grids": {"4.0": 1000, "2.0": 3000, "1.0": 10_000}, "scheme": "multigrid", "dimension": 3, "particles_per_cell": 1,
+    "across": {"wide": [8.0, 3], "drive": [3.0, 3], "slot": [3.0, 2]}, "follows": True, "companion": False,
+    "members": 0, "accuracy": "standard",
 }  # fmt: skip
 
 
@@ -86,10 +88,72 @@ def test_companion_ensemble_later_steps_and_cores_count(quotes):
     assert alone.wall > quotes(cores=4).at(2.0).wall > alone.wall * quote.SERIAL_SHARE * 0.9
 
 
+def test_a_companion_that_runs_beside_the_steps_takes_memory_too(quotes):
+    own, beside = quotes().at(2.0).memory, quotes().at(4.0).memory
+    assert quotes(companion=True).at(2.0).memory == own
+    assert quotes(companion=True, cores=2).at(2.0).memory == pytest.approx(own + beside)
+    assert quotes(companion=True, cores=2).at(2.0, draft=True).memory == own
+
+
+def test_the_row_of_a_draft_is_without_companion(quotes):
+    both, alone = (text_of(quotes(cores=2, companion=companion)).splitlines()[2:5] for companion in (True, False))
+    assert both[0].split() == alone[0].split()
+    assert both[1].split() != alone[1].split()
+
+
+def test_no_more_cells_are_foreseen_than_the_file_allows(quotes):
+    """grid.max_cells was not looked at, and memory was refused that no run would take."""
+    free, bound = quotes(steps=5).at(1.0), quotes(steps=5, max_cells=12_000).at(1.0)
+    assert free.end > 15_000
+    assert (bound.start, bound.end) == (10_000, 12_000)
+    assert bound.processor < free.processor
+    assert "grid.max_cells (5,000) is reached" in text_of(quotes(max_cells=5000))
+    assert "max_cells" not in text_of(quotes())
+
+
+def test_in_plane_strain_fewer_cells_and_cycles_come_with_smaller_ones(quotes):
+    solid, flat = quotes(), quotes(dimension=2)
+    assert flat.at(4.0).end == solid.at(4.0).end
+    assert flat.at(1.0).end < 0.5 * solid.at(1.0).end
+    assert flat.at(1.0).processor < 0.2 * solid.at(1.0).processor
+
+
+def test_what_a_pilot_leaves_open_is_said(quotes):
+    assert "around stope_1" in text_of(quotes(found=replace(FOUND, around="stope_1")))
+    collapsed = text_of(quotes(found=replace(FOUND, collapsed="history")))
+    assert "there the mine collapses in history: steps after a collapse are not computed" in collapsed
+    of_one_size = replace(FOUND, start_finest=FOUND.start)
+    assert "how many the run splits around failing rock is not foreseen" in text_of(quotes(found=of_one_size))
+    assert "not foreseen" not in text_of(quotes(found=of_one_size, follows=False))
+
+
+def test_a_size_that_is_too_large_to_count_is_left_out(quotes, monkeypatch):
+    def count(cells):
+        if cells > 5000:
+            raise InputError("too little memory")
+        return cells
+
+    made = quotes(companion=True)
+    monkeypatch.setattr(quote, "cells_at_start", count)
+    again = quotes(companion=True)
+    assert again.at(2.0) == made.at(2.0)
+    assert len(text_of(again).splitlines()) == len(text_of(made).splitlines()) - 1
+    with pytest.raises(InputError, match="too little memory"):
+        quotes(grids={"4.0": 1000, "2.0": 9000})
+
+
+def test_a_draft_that_keeps_the_cells_is_quoted_on_them(quotes, monkeypatch):
+    monkeypatch.setattr(quote, "draft_keeps_cells", lambda grid: True)
+    assert quotes(accuracy="draft").own.cell == 1.0
+    assert "as they are  1 m" in text_of(quotes(accuracy="draft"))
+    monkeypatch.setattr(quote, "draft_keeps_cells", lambda grid: False)
+    assert quotes(accuracy="draft").own.cell == 2.0
+
+
 def test_an_error_that_no_pilot_shows_is_not_stated(quotes):
     assert math.isnan(quotes(found=replace(FOUND, thickness=math.nan)).at(2.0).error)
     assert math.isinf(quotes(found=replace(FOUND, thickness=0.5)).at(2.0).error)
-    assert "no rock fails" in text_of(quotes(found=replace(FOUND, thickness=math.nan)))
+    assert "no rock failed in the trial" in text_of(quotes(found=replace(FOUND, thickness=math.nan)))
     assert "too large to say" in text_of(quotes(found=replace(FOUND, thickness=0.5)))
 
 
@@ -113,23 +177,23 @@ def test_the_text_has_a_line_for_each_size_and_names_narrow_openings(quotes, mon
 
 
 def test_a_request_is_met_by_cells_that_are_just_small_or_large_enough(quotes, monkeypatch):
-    made = quotes()
-    by_error = choose(made, AccuracyRequest.of({"error": 10.0}), False)
+    made, doubled = quotes(), quotes(doubled=True)
+    by_error = choose(made, AccuracyRequest.of({"error": 10.0}))
     assert made.at(by_error).error <= 0.1 < made.at(1.05 * by_error).error
-    by_time = choose(made, AccuracyRequest.of({"time": 2.0}), False)
+    by_time = choose(made, AccuracyRequest.of({"time": 2.0}))
     assert made.at(by_time).wall <= 120.0 < made.at(0.9 * by_time).wall
-    by_memory = choose(made, AccuracyRequest.of({"memory": 1.0}), False)
+    by_memory = choose(made, AccuracyRequest.of({"memory": 1.0}))
     assert made.at(by_memory).memory <= 1e9 < made.at(0.9 * by_memory).memory
-    both = choose(made, AccuracyRequest.of({"memory": 1.0, "time": 2.0}), False)
+    both = choose(made, AccuracyRequest.of({"memory": 1.0, "time": 2.0}))
     assert both == max(by_time, by_memory)
-    assert choose(made, AccuracyRequest.of({"error": 10.0, "time": 600.0}), False) == by_error
+    assert choose(made, AccuracyRequest.of({"error": 10.0, "time": 600.0})) == by_error
     monkeypatch.setattr(quote, "usable", lambda: 1e9)  # what is free counts, too
-    assert choose(made, AccuracyRequest.of({"time": 1e6}), False) == by_memory
+    assert choose(made, AccuracyRequest.of({"time": 1e6})) == by_memory
     monkeypatch.setattr(quote, "usable", lambda: 1e12)
     for request in ({"error": 10.0}, {"time": 2.0}, {"memory": 1.0}):
-        cell = choose(made, AccuracyRequest.of(request), True)
+        cell = choose(doubled, AccuracyRequest.of(request))
         assert math.log2(cell / 2.0).is_integer()
-        other = choose(made, AccuracyRequest.of(request), False)
+        other = choose(made, AccuracyRequest.of(request))
         assert 0.5 < (cell / other if "error" in request else other / cell) <= 1.0
 
 
@@ -139,16 +203,40 @@ def test_a_request_is_met_by_cells_that_are_just_small_or_large_enough(quotes, m
         ({"error": 5.0}, "accuracy.error: 5 % is not to be had: study openings vouches for no less than 5.3 %"),
         ({"time": 0.1}, "accuracy: not to be had: on cells of 128 m it still takes"),
         ({"error": 6.0, "time": 0.7}, "accuracy: an error of 6 % needs cells of"),
+        ({"error": 6.0, "memory": 0.46}, "; within 0.46 GB the error is "),
     ],
 )
 def test_what_cannot_be_had_is_refused_with_what_can(quotes, request_, says):
     with pytest.raises(InputError, match=re.escape(says)):
-        choose(quotes(), AccuracyRequest.of(request_), False)
+        choose(quotes(), AccuracyRequest.of(request_))
+
+
+def test_a_refusal_names_cells_that_the_file_can_have_and_their_error(quotes, monkeypatch):
+    """It named the error of cells between, which a file with `levels` cannot have, and not the memory that was free."""
+    monkeypatch.setattr(quote, "usable", lambda: 1e12)
+    made = quotes(doubled=True)
+    with pytest.raises(InputError) as told:
+        choose(made, AccuracyRequest.of({"error": 6.0, "time": 0.7}))
+    said = re.search(
+        r"within 0.7 min and 1e\+03 GB of free memory the error is (.*), on cells of (.*) m", str(told.value)
+    )
+    assert math.log2(float(said[2]) / 2.0).is_integer()
+    assert said[1] == quote.error_text(made.at(float(said[2])).error)
+
+
+def test_cells_of_a_request_have_no_more_and_no_fewer_sizes_than_there_can_be(quotes):
+    """Its levels were 0, or more than the most: a line about a key that nobody had written."""
+    thin = replace(FOUND, thickness=2.0)
+    few, many = quotes(doubled=True, levels=2), quotes(doubled=True, levels=quote.MAX_LEVELS, found=thin)
+    with pytest.raises(InputError, match=r"not to be had: on cells of 4 m it still takes"):
+        choose(few, AccuracyRequest.of({"memory": 0.2}))
+    with pytest.raises(InputError, match=r"accuracy.error: 6 % .* on cells of 2 m, the smallest .* is still"):
+        choose(many, AccuracyRequest.of({"error": 6.0}))
 
 
 def test_without_failure_in_the_pilot_no_error_can_be_asked_for(quotes):
     with pytest.raises(InputError, match=r"accuracy.error: no rock fails on the cells of 4 m"):
-        choose(quotes(found=replace(FOUND, thickness=math.nan)), AccuracyRequest.of({"error": 10.0}), False)
+        choose(quotes(found=replace(FOUND, thickness=math.nan)), AccuracyRequest.of({"error": 10.0}))
 
 
 def test_a_pilot_is_run_on_ever_smaller_cells_until_it_takes_long_and_is_kept(monkeypatch, tmp_path):
@@ -191,6 +279,7 @@ def test_a_mine_is_tried_with_its_history_and_first_month_on_larger_cells(monkey
     assert made.pilot.start == make_grid(doubled["grid"], {}).sizes["cell"]
     assert [step.name for step in made.pilot.steps] == ["history", "2019-08"]
     assert made.pilot.thickness > 0.0
+    assert made.pilot.around == "stope_1"
     assert made.at(2.5).start == make_grid(mine.grid_slice(), {}).sizes["cell"]
 
 
@@ -285,12 +374,14 @@ def test_the_target_prints_the_table_and_a_request_says_which_cells_follow(tmp_p
     assert (folder / "quote.txt").read_text() in text
     values = json.loads((tmp_path / "logs" / "tiny" / "quote.json").read_text())
     assert values["own"]["start"] == cells_at_start(load_mine(file).grid_slice())
-    (said,) = quote_of(tmp_path / "logs" / "tiny", 5.0, 2)
+    made_of = values["made_of"]
+    mine = load_mine(file)
+    assert made_of == [config_hash(mine.slice_of(name)) for name in ("grid", "elastic")]
+    (said,) = quote_of(tmp_path / "logs" / "tiny", made_of[0])
     assert said.startswith("On cells of 5 m with ")
     assert " GB, error of potency and failed volume " in said
-    assert quote_of(tmp_path / "logs" / "tiny", 2.5, 2) == []
-    assert quote_of(tmp_path / "logs" / "tiny", 5.0, 3) == []
-    assert quote_of(None, 5.0, 2) == []
+    assert quote_of(tmp_path / "logs" / "tiny", "of other cells") == []
+    assert quote_of(None, made_of[0]) == []
     status, text = snakemake(file, tmp_path, "--dry-run", "--config", "accuracy={memory: 0.1 GB}")
     assert status
     assert "accuracy: not to be had" in text

@@ -8,6 +8,9 @@ MINES = {  # Shipped mines: by case, file below config/mines, and sizes of the f
     "mine_elk_creek": ("elk_creek", (20.0,)),
     "mine_renison_scale": ("renison_scale", (5.0, 2.5)),
 }
-CASES = (*OPENINGS, *MINES)
+SECTION = "section"
+"""the long stope of study economies in plane strain, in case SECTION, and the sizes of its finest cells, m"""
+SECTION_SIZES = (0.25, 0.125)
+CASES = (*OPENINGS, SECTION, *MINES)
 REQUESTS = "foreseen_requests"
 """the study whose mines are run on the cells that a request asks for, each a case of its own"""

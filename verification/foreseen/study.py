@@ -2,8 +2,9 @@
 
 Each mine that asks for its cells is a case, too, with a row for each request.
 
-No mine of it has made the numbers of workflow.quote, except that study scale has runs of demo and renison_scale. Quote
-and run take one process and one core: on a busy machine processor time of several says little.
+Runs of demo, template and renison_scale have made the powers of workflow.quote (study scale), and the mines of study
+openings the law of errors. The mines that ask have made neither. Quote and run take one process and one core: on a busy
+machine processor time of several says little.
 """
 
 import logging
@@ -23,7 +24,7 @@ from common.costs import running_time
 from common.errors import InputError
 from mpm_core.simd.threads import use_threads
 from verification.comparisons import released_potency
-from verification.foreseen import MINES, REQUESTS
+from verification.foreseen import MINES, OPENINGS, REQUESTS, SECTION, SECTION_SIZES
 from verification.frame import CaseResults, Inputs, MeasuringStudy
 from verification.page_tables import Columns
 from verification.plots import plain_ticks
@@ -39,6 +40,7 @@ SIZES, TRUTH = ("standard", "fine"), "finest"  # Variants of a mine of study ope
 NEAR, FAR, NEAR_MEMORY = 1.5, 2.0, 1.3  # Factors between foreseen and found within which a quote is to be.
 HELD = "held"  # Name of the table of shares of quotes within these.
 REQUESTED = "requested"  # Name of the table of requests.
+ELK_CREEK = "mine_elk_creek"  # Its openings are in data that this repository does not have.
 ASKED = ({"error": "10 %"}, {"time": "1 min"})
 JUDGED, SHIPPED = "#0072b2", "#d55e00"  # Colours of mines whose error is found, and of those whose error is stated.
 FINER = 2.0  # Cells of the second run of a request for an error are smaller by this factor.
@@ -120,7 +122,7 @@ def measure_quotes(name: str) -> list[dict]:
             }
         )
     truth = [np.nan, np.nan]
-    if name not in MINES:
+    if name in OPENINGS:
         _, *truth = run(load_study(FOLDER / "openings.yaml").mines[f"{name}_{TRUTH}"])
     for row, answer in zip(rows, answers, strict=True):
         row["potency_error"], row["volume_error"] = np.abs(np.log(np.divide(answer, truth))).tolist()
@@ -134,14 +136,24 @@ def mines_of(name: str) -> Iterator[Mine]:
         for size in sizes:
             try:
                 mine = load_mine(BASE / f"config/mines/{file}.yaml")
-            except InputError as error:  # Openings of Elk Creek are in data that this repository does not have.
+            except InputError as error:
+                if name != ELK_CREEK:
+                    raise
                 logging.warning("%s: left out", error)
                 return
-            mine.change("grid", levels=mine.settings.grid.levels + round(np.log2(mine.finest_cell / size)))
-            yield mine
+            yield on_cells_of(size, mine)
+    elif name == SECTION:
+        for size in SECTION_SIZES:
+            yield on_cells_of(size, load_study(FOLDER / "economies_tunnel.yaml").mines["base"])
     else:
         study = load_study(FOLDER / "openings.yaml")
         yield from (study.mines[f"{name}_{size}"] for size in SIZES)
+
+
+def on_cells_of(size: float, mine: Mine) -> Mine:
+    """The mine, which changes, with finest cells of a size (m)."""
+    mine.change("grid", levels=mine.settings.grid.levels + round(np.log2(mine.finest_cell / size)))
+    return mine
 
 
 def run(mine: Mine) -> tuple[int, float, float]:
@@ -170,7 +182,8 @@ def held(table: pd.DataFrame) -> pd.DataFrame:
     """Shares of quotes within factors of what was found, and of errors within what was stated."""
     time = np.abs(np.log(table["foreseen_over_took"]))
     memory = np.abs(np.log(table["foreseen_MB"] / table["memory_MB"]))
-    stated = table[np.isfinite(table["stated_error"]) & np.isfinite(table["potency_error"])]
+    # Where nothing failed in the run, the error found is infinite, and not within any.
+    stated = table[np.isfinite(table["stated_error"]) & table["potency_error"].notna()]
     largest = stated[["potency_error", "volume_error"]].max(axis=1)
     both = pd.concat([stated["potency_error"], stated["volume_error"]])
     limits = pd.concat([stated["stated_error"]] * 2)
@@ -182,7 +195,7 @@ def held(table: pd.DataFrame) -> pd.DataFrame:
         for factor in (NEAR, FAR)
     ]
     rows += [
-        (f"memory within {100 * (NEAR_MEMORY - 1):.0f} %", len(table), float(np.mean(memory <= np.log(NEAR_MEMORY)))),
+        (f"memory within a factor of {NEAR_MEMORY:g}", len(table), float(np.mean(memory <= np.log(NEAR_MEMORY)))),
         ("error of potency, or of failed volume, within the stated one", len(both), float(np.mean(both <= limits))),
         (
             "stated error at most twice the larger of both",

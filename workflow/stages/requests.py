@@ -31,25 +31,24 @@ def scene(job: Job) -> None:
     for note in notes:
         logging.warning(note)
     steps = PictureSlice.of({"steps": job.settings["steps"]}).steps
-    notes += quote_of(job.logs, float(grid.attrs["fine_cell"]), len(steps))
+    notes += quote_of(job.logs, grid.attrs.get("config_hash"))
     write_overview(grid, steps, record, job.output(), notes)
 
 
-def quote_of(logs: Path | None, cell: float, steps: int) -> list[str]:
-    """What `snakemake quote` foresaw for finest cells of this size (m) and so many steps, as a sentence; none where
-    nobody asked."""
+def quote_of(logs: Path | None, made_of: str | None) -> list[str]:
+    """What `snakemake quote` foresaw for the grid with this hash of its settings, as a sentence; none where nobody
+    asked."""
     import json
-    import math
 
     from workflow.quote import Quote
 
     try:
         kept = json.loads(((logs or Path()) / "quote.json").read_text(encoding="utf-8"))
         one = Quote(**kept["own"])
+        told = f"On cells of {one.cell:.3g} m with {kept['cores']} core{'s' * (kept['cores'] > 1)}, {one.text()}."
+        return [told] if kept["made_of"][0] == made_of else []
     except (OSError, ValueError, KeyError, TypeError):
         return []
-    told = f"On cells of {cell:.3g} m with {kept['cores']} core{'s' * (kept['cores'] > 1)}, {one.text()}."
-    return [told] if math.isclose(one.cell, cell) and kept["steps"] == steps else []
 
 
 def quote_settings(mine: "Mine") -> dict:
@@ -72,16 +71,25 @@ def quote(job: Job) -> None:
     from dataclasses import asdict
 
     from common.datasets import atomic_path
+    from common.job import config_hash
     from workflow.quote import Quotes, text_of
 
     quotes = Quotes(job.settings, job.code, job.threads)
     text = text_of(quotes)
     for line in text.splitlines():
         logging.info("%s", line)
-    own = quotes.at(job.settings["cell"])
+    own = quotes.own
     half = quotes.half(own)
-    values = {"own": asdict(own), "half": half and asdict(half), "pilot": asdict(quotes.pilot), "cores": job.threads}
-    values |= {key: job.settings[key] for key in ("steps", "members")}
+    grid, rock = job.settings["grids"][str(job.settings["cell"])], job.settings["pilots"][-1]["elastic"]
+    values = {
+        "own": asdict(own),
+        "half": half and asdict(half),
+        "pilot": asdict(quotes.pilot),
+        "cores": job.threads,
+        "steps": job.settings["steps"],
+        "members": job.settings["members"],
+        "made_of": [config_hash(grid), config_hash(rock)],
+    }
     with atomic_path(job.output("quote.json")) as temporary:
         temporary.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
     with atomic_path(job.output("quote.txt")) as temporary:

@@ -28,8 +28,7 @@ MADE_BY = {  # stage, and the datasets without all of which its log is of an ear
     "comparison": ("comparison", "spread", "grid_convergence", "forecast_scores"),
     COARSE: ("grid_convergence",),
 }
-
-
+NOT_FORESEEN = re.compile(rf"{ELASTIC_ROCK}\b|scene|twin|vtk/")  # stages that nobody asked a quote for
 QUOTE = "quote.json"  # in the folder of logs: what `snakemake quote` foresaw
 
 
@@ -42,32 +41,51 @@ def section(evidence: Evidence, _: Gallery) -> dict:
     members = 0 if spread is None else int(spread.attrs["members"] + spread.attrs["collapsed_members"])
     rows = read_resources(evidence.logs, {str(step["step"]) for step in evidence.steps}, absent, members)
     cells = int(evidence.steps[-1]["cells"]) if evidence.steps else int(evidence.grid.sizes["cell"])
-    run = {"cell": float(evidence.grid.attrs["fine_cell"]), "steps": len(evidence.steps), "members": members}
-    return {"rows": rows, "foreseen": foreseen(evidence.logs, rows, run, cells)}
+    run = {
+        "cell": float(evidence.grid.attrs["fine_cell"]),
+        "steps": len(evidence.steps),
+        "members": members,
+        "made_of": [one.attrs.get("config_hash") for one in (evidence.grid, *evidence.stages[:1])],
+    }
+    return {"rows": rows, "foreseen": foreseen(evidence.logs, rows, run, cells, evidence.foreseen)}
 
 
-def foreseen(logs, rows: list[dict], run: Mapping, cells: int) -> str:
+def foreseen(logs, rows: list[dict], run: Mapping, cells: int, asked: Mapping | None = None) -> str:
     """What was foreseen for the run, what it took, and what half of the error would cost; empty where nothing was
-    foreseen for such a run: its finest cells, m, its steps and members. rows: see read_resources; cells: at the end."""
-    try:
-        quote = json.loads((Path(logs or ".") / QUOTE).read_text(encoding="utf-8"))
-        own, half = quote["own"], quote["half"]
-        same = all(quote[key] == run[key] for key in ("steps", "members")) and math.isclose(own["cell"], run["cell"])
-        if not same or not rows:
-            return ""
-    except (OSError, ValueError, KeyError):  # none was asked for, or it is no longer whole
+    foreseen for such a run: its finest cells, m, its steps and members, and hashes `made_of` of its grid's and its
+    rock's settings. rows: see read_resources; cells: at the end; asked: what a request was told, where no quote is."""
+    quote = _quote_of(logs, run) or asked
+    rows = [row for row in rows if not NOT_FORESEEN.match(row["stage"])]
+    if not quote or not rows or any(quote[key] != run[key] for key in ("steps", "members")):
+        return ""
+    own, half = quote["own"], quote["half"]
+    if not math.isclose(own["cell"], run["cell"]):
         return ""
     took = sum(row["processor"] - row["compiling"] for row in rows)
     text = (
-        f"Before the run, {duration_text(own['processor'])} of processor time, {own['memory'] / 1e9:.1f} GB and "
-        f"{whole(own['end'])} cells were foreseen. It took {duration_text(took)} without compiling, "
-        f"{max(row['memory'] for row in rows) * 2**20 / 1e9:.1f} GB and {whole(cells)} cells."
+        f"Before the run, {duration_text(own['processor'])} of processor time, {own['memory'] / 1e9:.1f} GB at a "
+        f"time and {whole(own['end'])} cells were foreseen. It took {duration_text(took)} without compiling, "
+        f"{max(row['memory'] for row in rows) * 2**20 / 1e9:.1f} GB in its largest stage, and {whole(cells)} cells."
     )
     if math.isfinite(own["error"]):
         text += f" The foreseen error of potency and of failed volume was {percent(own['error'])}."
-    if half:
-        text += f" Half of it needs cells of {half['cell']:.2g} m and about {duration_text(half['processor'])}."
+        text += (
+            f" Half of it needs cells of {half['cell']:.3g} m and about {duration_text(half['processor'])} of processor"
+            " time."
+            if half
+            else " Half of it is less than study openings vouches for."
+        )
     return text
+
+
+def _quote_of(logs, run: Mapping) -> dict | None:
+    """What `snakemake quote` foresaw for this grid and this rock; None where nobody asked."""
+    try:
+        quote = json.loads((Path(logs or ".") / QUOTE).read_text(encoding="utf-8"))
+        same = quote["made_of"] == run["made_of"] and quote.keys() >= {"own", "half", "steps", "members"}
+    except (OSError, ValueError, KeyError, TypeError):  # none was asked for, or it is no longer whole
+        return None
+    return quote if same else None
 
 
 def read_resources(logs, steps: set[str], absent: set[str], members: int) -> list[dict]:
