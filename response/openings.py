@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from catalogs.compare.exposure import Exposure, window
+from catalogs.compare.exposure import Exposure, common_period, window
+from catalogs.records.times import parse_time
 from catalogs.settings import InsituStress as VirginStress
 from common.datasets import read_dataset
 from common.event_table import read_events
@@ -79,13 +80,19 @@ def _resolved(events: xr.Dataset) -> NDArray:
 
 
 def _recorded(steps: tuple[OpeningStep, ...], record: xr.Dataset | None) -> list[NDArray | None]:
-    """Locations (n, xyz) m of the recorded events within the dates of each step; None without record or dates."""
+    """Locations (n, xyz) m of the recorded events within the dates of each step; None without record or dates, and for
+    a step that the record does not reach."""
     found: list[NDArray | None] = [None] * len(steps)
     dated = [number for number, step in enumerate(steps) if step.start]
     if record is None or not dated:
         return found
     windows = np.array([window(steps[number].model_dump()) for number in dated], "datetime64[ns]")
     own = Exposure(*windows.T).step(record["time"].values)
+    reaches = np.ones(len(dated), bool)
+    if period := common_period(record):
+        first, last = (parse_time(time, "record") for time in period)
+        reaches = (windows[:, 0] < last) & (windows[:, 1] > first)
     for index, number in enumerate(dated):
-        found[number] = record["location"].values[own == index]
+        if reaches[index]:
+            found[number] = record["location"].values[own == index]
     return found

@@ -8,6 +8,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy
 import numba
 import psutil
 import pytest
+from hypothesis import settings
+
+# The same examples in each run, in no limited time: machines are busy. `--hypothesis-profile=default` draws others.
+settings.register_profile("tests", deadline=None, derandomize=True, print_blob=True)
+settings.load_profile("tests")
 
 
 @pytest.hookimpl(optionalhook=True)  # of pytest-xdist

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -18,6 +19,7 @@ from catalogs.sources.quakeml import UP_SOUTH_EAST
 from common.datasets import read_dataset, write_dataset
 from common.errors import InputError
 
+ROOT = Path(__file__).parents[2]
 TABLE = """# a comment
 date,time of day,x,y,z,log P,quality
 2019-08-01,12:00:00,100,200,300,-1.0,5
@@ -281,7 +283,7 @@ def test_missing_files_are_named(tmp_path):
 def test_slow_libraries_are_imported_only_when_a_record_is_read():
     """A mine file is checked before each run, whichever readers there are."""
     slow = "import sys, workflow.configuration; assert not {'obspy', 'pyproj', 'matplotlib'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", slow], check=True, timeout=300)
+    subprocess.run([sys.executable, "-c", slow], cwd=ROOT, check=True, timeout=300)
 
 
 @pytest.mark.parametrize("reader", READERS.values(), ids=list(READERS))

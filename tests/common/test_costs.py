@@ -12,7 +12,10 @@ from common.costs import COMPILING, Clock, Compiling, Costs, cost_of
 ROOT = Path(__file__).parents[2]
 BUSY = """
 import sys, threading, time
+from common import progress
 from common.stage import run_stage
+
+progress.SECONDS_TO_FIRST_LINE = 60.0  # or it imports tqdm in the midst of what is measured
 
 def spin():
     began = time.thread_time()
@@ -40,7 +43,17 @@ COMPILES = """
 
 
 def run(body: str, log: Path, before: str = "") -> subprocess.CompletedProcess:
-    script = [sys.executable, "-c", before + BUSY.replace("{more}", body.strip()), str(log)]
+    # Through a shell that forks: Linux counts the peak of the process before exec as that of the process after it.
+    script = [
+        "sh",
+        "-c",
+        '"$@"; exit $?',
+        "sh",
+        sys.executable,
+        "-c",
+        before + BUSY.replace("{more}", body.strip()),
+        log,
+    ]
     return subprocess.run(script, cwd=ROOT, capture_output=True, text=True)
 
 

@@ -228,7 +228,7 @@ def test_a_step_with_parts_is_the_same_on_two_threads_and_after_a_kill(tmp_path)
     counting = Dying(tmp_path / "step.npz", "key", pause=0.0)
     once = step(counting)
     assert counting.saves > 2
-    numba.set_num_threads(2)
+    numba.set_num_threads(min(2, numba.config.NUMBA_NUM_THREADS))
     xr.testing.assert_identical(once, step(None))
     dying = Dying(tmp_path / "step.npz", "key", pause=0.0)
     dying.last_save = counting.saves - 1

@@ -1,5 +1,8 @@
 """Displacement in distorted cells, what is mined at a point, depth of failure and closure of made-up fields."""
 
+import json
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,13 +10,14 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from small_mines import CELL, load, moved_by, rock_of, states_of, with_failed, with_fallen
 
+from common.event_table import new_catalog
 from common.opening_table import ALL, FIELDS, SIDES
 from response.centre_lines import CentreLine, centre_lines
 from response.excess_shear import find_excess
 from response.loading_settings import ShearPlane
-from response.openings import openings_table
+from response.openings import _recorded, openings_table
 from response.rock import FAILED, INTACT, MINED, OUTSIDE, shape_functions
-from response.settings import OpeningSlice
+from response.settings import OpeningSlice, OpeningStep
 from response.wall_rays import closure, find_chords, look_behind, standing, wall_displacement
 from response.walls import sample_walls
 
@@ -278,3 +282,24 @@ def test_closure_counts_from_the_step_that_mines(tmp_path):
 def test_a_line_of_one_stretch_ends_where_it_ends():
     chainage, _ = CentreLine(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 7.0]])).project(np.array([[1.0, 0.0, 9.0]]))
     assert chainage == 7.0
+
+
+@pytest.mark.parametrize(
+    ("period", "numbers"),
+    [
+        (None, [None, 1, 1, 0]),
+        (["2019-08-01T00:00:00Z", "2019-09-10T00:00:00Z"], [None, 1, 1, None]),
+        (["2019-09-01T00:00:00Z", "2019-11-01T00:00:00Z"], [None, None, 1, 0]),
+    ],
+)
+def test_a_step_that_the_record_does_not_reach_has_no_number_of_recorded_events(period, numbers):
+    """It was 0: a month that nobody has recorded looked like a quiet one."""
+    dates = [f"2019-{month:02d}-01T00:00:00Z" for month in (8, 9, 10, 11)]
+    dated = [OpeningStep(name=start[:7], start=start, end=end) for start, end in pairwise(dates)]
+    steps = (OpeningStep(name="history", start="", end=""), *dated)
+    record = new_catalog(
+        2, {"mine": "demo", "kind": "recorded", "period": json.dumps({"common": period} if period else {})},
+        time=np.array(["2019-08-20", "2019-09-05"], "datetime64[ns]"),
+    )  # fmt: skip
+    assert [one if one is None else len(one) for one in _recorded(steps, record)] == numbers
+    assert _recorded(steps, None) == [None] * 4

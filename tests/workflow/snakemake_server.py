@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 MODULES = ("snakemake.cli", "snakemake_executor_plugin_slurm", "workflow.configuration", "workflow.terminal")
-PATIENCE = 600  # s
+PATIENCE = 1800  # s
 
 
 def call_snakemake(words: list[str], interpreter: Path, checkout: Path) -> tuple[int, str]:
@@ -33,6 +33,8 @@ def call_snakemake(words: list[str], interpreter: Path, checkout: Path) -> tuple
         server.stdin.write(f"{json.dumps(call)}\n")
         server.stdin.flush()
         if not select.select([server.stdout], [], [], PATIENCE)[0]:
+            server.kill()  # or the next call would read the answer to this one
+            _started.cache_clear()
             raise TimeoutError(terminal.read_text(encoding="utf-8"))
         return int(server.stdout.readline()), terminal.read_text(encoding="utf-8")
 

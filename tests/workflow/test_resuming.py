@@ -43,6 +43,13 @@ def await_(condition):
     raise AssertionError("waited in vain")
 
 
+def has_ended(process: psutil.Process) -> bool:
+    try:
+        return not process.is_running() or process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:  # between these two
+        return True
+
+
 def stage_of(snakemake: psutil.Process, name: str) -> psutil.Process | None:
     """The child of Snakemake that runs this stage, once the shell has become it."""
     for child in snakemake.children(recursive=True):
@@ -72,7 +79,7 @@ def test_killed_in_a_mechanics_stage_and_resumed_gives_the_same_bytes(spoiled, t
             await_(log.exists)
         os.kill(run.pid, signal.SIGKILL)
         run.wait()
-        await_(lambda stage=stage: not stage.is_running() or stage.status() == psutil.STATUS_ZOMBIE)
+        await_(lambda stage=stage: has_ended(stage))
         assert not (results / "steps/history.nc").exists()
         status, text = snakemake(tiny_file, spoiled, "--unlock")
         assert status == 0, text

@@ -126,7 +126,7 @@ def snakemake(
 
 def finished(process: subprocess.Popen) -> tuple[int, str]:
     """Exit status and terminal text of a run that was started."""
-    text, _ = process.communicate(timeout=600)
+    text, _ = process.communicate(timeout=1800)
     return process.returncode, text
 
 
