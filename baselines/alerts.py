@@ -24,7 +24,7 @@ import scipy
 from numpy.typing import NDArray
 
 from baselines.drives import DriveMetres
-from baselines.map_scores import MapScores, Variance, cluster_variance, run_variance
+from baselines.map_scores import CEILING, MapScores, Variance, cluster_variance, run_variance
 from baselines.month_maps import MonthMaps
 from catalogs.compare.locations import UNIFORM_SHARE
 from catalogs.sources.jackknife import INTERVAL_95, effective_blocks
@@ -216,7 +216,7 @@ def find_drive_alerts(maps: MonthMaps, drives: DriveMetres | None) -> AlertScore
 
 
 def _find(maps: MonthMaps, drives: DriveMetres | None) -> AlertScores:
-    labels = {label: runs for label, runs in maps.runs.items() if label != "ceiling"}
+    labels = {label: runs for label, runs in maps.runs.items() if label != CEILING}
     more, as_many = ({label: np.full((runs, len(maps.step)), np.nan) for label, runs in labels.items()} for _ in "12")
     for step in np.unique(maps.step):
         own = maps.step == step

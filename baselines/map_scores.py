@@ -20,6 +20,7 @@ from catalogs.sources.jackknife import INTERVAL_95, effective_blocks
 MIN_CLUSTERS = 4.0
 SIGNIFICANCE = 0.05  # Chance of a difference between equal models that a verdict may have, all of its tests together.
 TINY = np.finfo(float).tiny
+CEILING = "ceiling"  # Label of the map of the step's own events: days predict each other.
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,8 @@ class MapScores:
     @property
     def common(self) -> NDArray:
         """Events (event,) bool for which every map has a forecast, of the maps that have any: what all steps together
-        are scored by."""
-        gain = self.gain
+        are scored by. The ceiling is no forecast."""
+        gain = self.gain[[label != CEILING for label in self.labels]]
         return np.isfinite(gain[np.isfinite(gain).any(axis=1)]).all(axis=0)
 
     @property

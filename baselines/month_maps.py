@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baselines.map_scores import MapScores
+from baselines.map_scores import CEILING, MapScores
 from baselines.models import Counted
 from catalogs.compare.exposure import DAY
 from catalogs.compare.face import Face
@@ -82,6 +82,13 @@ def times_with_face(face: Face, start: np.datetime64, end: np.datetime64) -> NDA
     return time[np.isfinite(face.at(time).ahead).all(axis=1)]
 
 
+def span_of_face(face: Face, start: np.datetime64, end: np.datetime64) -> tuple[np.datetime64, np.datetime64]:
+    """The part of a step from the first to the last time at which a face stands; of no length without a face."""
+    times = times_with_face(face, start, end)
+    half = (end - start) // (2 * TIMES_IN_STEP)
+    return (times[0] - half, times[-1] + half) if len(times) else (start, start)
+
+
 def move(events: Places, face: Face, start: np.datetime64, end: np.datetime64) -> NDArray:
     """Places (event, xy), m, of earlier events in a step; without those that had no face, none if the step has none."""
     times = times_with_face(face, start, end)
@@ -132,7 +139,7 @@ class MonthMaps:
             **{label: label.lower() for label in self.models},
             "mixed": "all earlier months and the pipeline, half each",
             **({label: PRIOR_NAMES[label] for label in self.prior_events}),
-            "ceiling": "ceiling: odd days predict even ones, and these odd ones",
+            CEILING: "ceiling: odd days predict even ones, and these odd ones",
         }
         return names if self.models else {key: name for key, name in names.items() if key != "mixed"}
 
@@ -236,7 +243,7 @@ class MonthMaps:
         if is_odd.any() and not is_odd.all():
             for half in (is_odd, ~is_odd):
                 ceiling[half] = information_gain(place[half], place[~half], deviation[half], self.box, share)
-        gains["ceiling"] = ceiling
+        gains[CEILING] = ceiling
         return gains
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from baselines.map_scores import MIN_CLUSTERS, SIGNIFICANCE, Estimate, MapScores, adjusted, verdict_of
-from baselines.month_maps import PRIOR_LINE, PRIOR_MODEL, PRIOR_NAMES
+from baselines.map_scores import CEILING, MIN_CLUSTERS, SIGNIFICANCE, Estimate, MapScores, adjusted, verdict_of
+from baselines.month_maps import FIRST_PRIOR_EVENTS, PRIOR_LINE, PRIOR_MODEL, PRIOR_NAMES
 from baselines.months import MEASURES, Months, Rate
 from catalogs.report.text import NEAREST, between, fixed, hundredths, number, percent, plural, whole
 from common.datasets import atomic_path
@@ -44,7 +44,7 @@ def sentences(months: Months) -> list[str]:
         ]
     steps = len(np.unique(scores.step[scores.common]))
     best = max((one for one in OF_RECORD if np.isfinite(mean[one])), key=lambda one: mean[one])
-    others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", *PRIOR_NAMES, "ceiling")]
+    others = [one for one in labels if one not in (*OF_RECORD, pipeline, "mixed", *PRIOR_NAMES, CEILING)]
     tests = {
         (pipeline, best): ("the pipeline's map", "that map of the record"),
         **{(pipeline, one): ("the pipeline's map", f"the map “{names[one]}”") for one in others},
@@ -71,7 +71,8 @@ def _prior_sentences(months: Months) -> list[str]:
     """State how many recorded events a prior map is worth in the last step."""
     return [
         f"In the last step the map “{PRIOR_NAMES[label]}” takes its prior for "
-        f"{plural(int(worth[-1]), 'recorded event')}. So many made the events of the steps before it most probable."
+        f"{plural(int(worth[-1]), 'recorded event')}: so many made the events of the steps before it most probable "
+        f"({FIRST_PRIOR_EVENTS:g} if none was scored)."
         for label, worth in months.maps.prior_events.items()
         if len(worth)
     ]

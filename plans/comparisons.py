@@ -1,9 +1,10 @@
 """The comparisons of a page of plans, with verdicts that hold together.
 
 Of many ratios of equal plans some differ by chance. So verdicts are those of intervals whose level is divided by the
-number of comparisons (Bonferroni), and single steps and openings are judged only where the whole plans differ. Of
-twenty pages whose plans are equal, one at most states a difference. The intervals that a page shows are those of each
-ratio by itself.
+number of comparisons of their kind (Bonferroni): of whole plans, of chances, and of depths at openings
+(plans.opening_depths). Single steps and openings are judged only where the whole plans differ. Of twenty pages whose
+plans are equal, one at most states a difference of each kind. The intervals that a page shows are those of each ratio
+by itself.
 
 Classes of likelihood are compared, too: plans whose chances are not told apart from those of the first plan share its
 class, that of their mean chance.

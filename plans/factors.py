@@ -106,7 +106,7 @@ def find_factors(
         levels = draw_levels(recorded, draws, generator, model_dispersion)
         log, dispersion = steps_of_plan(levels, recorded.middles, middles(settings.steps), generator), levels.dispersion
         contains.append(RECORD)
-        text = ratio_text(recorded, levels)
+        text = ratio_text(recorded)
     elif np.isfinite(shared[kinds == COARSE]).any():
         change = abs(np.log((shared[kinds == OWN][0] + 0.5) / (shared[kinds == COARSE][0] + 0.5)))
         half = max(CELL_CHANGE_FACTOR * change, np.log1p(MIN_CELL_CHANGE))
@@ -234,12 +234,10 @@ def _rock(draws: NDArray, own: float, recorded: RecordedNumbers | None) -> tuple
     return float(values.mean()), float(values.std(ddof=1) * np.sqrt(1.0 + 1.0 / len(values))), len(values) - 1
 
 
-def ratio_text(recorded: RecordedNumbers, levels: Levels) -> str:
-    """State the number of events recorded for each modelled one, in a sentence."""
-    low, middle, high = np.exp(np.quantile(levels.level[-1], [INTERVAL_95[0], 0.5, INTERVAL_95[1]]))
+def ratio_text(recorded: RecordedNumbers) -> str:
+    """State the numbers that the factor follows from, in a sentence."""
     steps = len(recorded.recorded)
     return (
         f"In {steps} recorded step{'s' * (steps != 1)} {recorded.recorded.sum():.0f} events are recorded and "
-        f"{recorded.modelled.mean(axis=0).sum():.0f} modelled. Numbers of the plans are multiplied by {middle:.2g} "
-        f"({low:.2g} to {high:.2g})"
+        f"{recorded.modelled.mean(axis=0).sum():.0f} modelled"
     )

@@ -165,7 +165,7 @@ def mined_otherwise(forecast: xr.Dataset, step: DatedStep, settings: ScoreSlice)
     if step.name not in mine:
         return f"the mine file has no step {step.name}"
     now = mine[step.name]
-    if (now.start, now.end) != (step.start, step.end):
+    if window(now.model_dump()) != window(step.model_dump()):
         return f"{step.name} was from {step.start} to {step.end}, and is from {now.start} to {now.end}"
 
     def until(steps: Sequence[DatedStep], openings: Iterable[tuple[str, str]]) -> dict[str, str]:

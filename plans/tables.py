@@ -13,7 +13,7 @@ from catalogs.settings import ALL_STEPS
 from catalogs.sources.jackknife import INTERVAL_95
 from common.datasets import atomic_path
 from plans.comparisons import Comparisons, PartDifference
-from plans.differences import NUMBER, POTENCY
+from plans.differences import MIN_RUNS, NUMBER, POTENCY
 from plans.layout import ANY, PlanSummary, RunMeans
 from plans.sentences import (
     chance_with_interval,
@@ -204,7 +204,8 @@ def quantiles(draws: NDArray) -> tuple[float, NDArray]:
 
 
 def forecast_rows(plans: Sequence[PlanSummary]) -> list[dict]:
-    """One row for each step that is ahead: number, potency and largest event, median and interval."""
+    """One row for each step that is ahead: number, potency and largest event, median and interval; of a plan with fewer
+    than MIN_RUNS runs the median of the number alone."""
     rows = []
     for plan in plans:
         for step in plan.ahead:
@@ -212,11 +213,12 @@ def forecast_rows(plans: Sequence[PlanSummary]) -> list[dict]:
             counted, potency, largest = (part[f"forecast_{name}"].values for name in ("number", "potency", "largest"))
             row = {"plan": plan.name, "step": step, "mines": listed_names(plan.mines(step)) or DASH}
             middle, ends = quantiles(counted)
-            row["number"] = f"{middle:.0f} ({ends[0]:.0f} to {ends[1]:.0f})"
+            few = int(plan.outcome.attrs["runs"]) < MIN_RUNS  # to say how another run would differ
+            row["number"] = f"{middle:.0f}" if few else f"{middle:.0f} ({ends[0]:.0f} to {ends[1]:.0f})"
             row |= {"potency": DASH, "largest": DASH, "measured": DASH}
             if rate := plan.measured_rates[0].get(step):
                 row["measured"] = f"{rate.value:.0f} ({rate.lower:.0f} to {rate.upper:.0f})"
-            if np.isfinite(potency).all():
+            if np.isfinite(potency).all() and not few:
                 middle, ends = quantiles(potency)
                 row["potency"] = f"{number(middle)} ({between(ends)})"
                 middle, ends = quantiles(largest)

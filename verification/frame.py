@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 
 from common.datasets import atomic_path
@@ -135,8 +136,8 @@ def _costs(variant: Variant) -> tuple:
         grid.attrs["levels"],
         grid.attrs["fine_cell"],
         len(variant.step_names),
-        sum(variant.seconds(stage) or 0.0 for stage in variant.stages),
-        max(variant.peak_memory(stage) or 0.0 for stage in variant.stages),
+        float(np.array([variant.seconds(stage) for stage in variant.stages], float).sum()),  # NaN without a log
+        float(np.array([variant.peak_memory(stage) for stage in variant.stages], float).max()),
     )
 
 

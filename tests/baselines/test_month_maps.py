@@ -180,6 +180,18 @@ def test_all_months_together_are_those_that_every_map_forecasts():
     np.testing.assert_allclose(scores.mean(), own)
 
 
+def test_a_month_whose_events_fall_on_odd_days_alone_counts():
+    """The ceiling, which is no forecast, has no value there; such months were in no verdict."""
+    record = events(900)
+    day = (record.time - START[np.searchsorted(END, record.time, side="right")]) // DAY
+    kept = (record.time < END[0]) | (day % 2 == 0)
+    scores = maps_of(Places(record.time[kept], record.place[kept], record.potency[kept])).scores()
+    np.testing.assert_array_equal(scores.common, scores.step > 0)
+    mean = dict(zip(scores.labels, scores.mean(), strict=True))
+    assert np.isnan(mean.pop("ceiling"))
+    assert np.isfinite(list(mean.values())).all()
+
+
 def test_models_are_scored_in_plan_and_mixed_half_with_the_record():
     """A model that is the record of the month gains more than the ceiling; the mixture lies above half of either."""
     record = events(300)

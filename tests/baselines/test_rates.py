@@ -63,6 +63,22 @@ def test_time_without_a_face_does_not_count():
     assert third.all_earlier["metres"].expected == pytest.approx(310.0, rel=0.01)
 
 
+def test_days_without_a_face_are_no_days_without_events():
+    """A panel that ends in the midst of the last month made independent events look clustered."""
+    face = Face.of(
+        [
+            FacePosition.of({"date": date, "ends": [[x, -100.0], [x, 100.0]]})
+            for date, x in (("2019-08-01", 0.0), ("2019-10-15", 75.0))
+        ]
+    )
+    generator = np.random.default_rng(3)
+    time = np.sort(START[0] + (generator.random(180) * 75.0 * DAY).astype("timedelta64[ns]"))
+    events = Places(time, 1e4 * generator.random((180, 2)), np.ones(180))
+    third = step_rates(events, Periods.of(START, END, None), face)[-1]
+    independent = n_test(third.number, third.amount["days"], 180 - third.number, 61.0)
+    assert third.all_earlier["days"].p_value == pytest.approx(independent.p_value, rel=0.05)
+
+
 def simulated(generator, rate: float, days: int, size: float) -> int:
     """Events of so many days in groups at random, of `size` each on average (geometric)."""
     return int(generator.geometric(1.0 / size, generator.poisson(rate * days / size)).sum())

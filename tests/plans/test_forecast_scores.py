@@ -310,6 +310,7 @@ def test_no_step_is_ahead_and_covered(stated):
             "stope_3 is not mined by then in the forecast, and mined before in the mine file",
         ),
         ({"openings": [*OPENINGS, {"name": "stope_3", "step": "2019-10"}]}, ""),
+        ({"steps": [STEPS[0].given(), STEPS[1].given() | {"start": "2019-09-01T00:00:00Z"}]}, ""),  # the same instant
     ],
 )
 def test_a_forecast_of_what_was_mined_otherwise_is_not_scored(forecast, mine, difference):

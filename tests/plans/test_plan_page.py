@@ -20,10 +20,11 @@ from plan_fixtures import (
 from plan_fixtures import outcome_slice as slice_of
 from test_opening_depths import openings_of
 
-from catalogs.report.text import DOWN, UP, number
+from catalogs.report.text import DASH, DOWN, UP, number
 from catalogs.settings import DatedStep
 from common.errors import InputError
 from plans.comparisons import Comparisons
+from plans.differences import MIN_RUNS
 from plans.layout import PlanSummary
 from plans.outcome import make_outcome
 from plans.overview import overview
@@ -187,6 +188,10 @@ def test_steps_ahead_are_forecast(plans):
     low, high = map(int, re.search(r"\((\d+) to (\d+)\)", rows[0]["number"]).groups())
     draws = plans[2].outcome["forecast_number"].sel(step="2019-10").values
     np.testing.assert_allclose([low, high], np.quantile(draws, [0.025, 0.975], method="nearest"))
+    few = PlanSummary(plans[2].outcome.assign_attrs(runs=MIN_RUNS - 1))  # too few to say how another run would differ
+    (row,) = forecast_rows([few])
+    assert row["number"] == f"{np.median(draws):.0f}"
+    assert row["potency"] == row["largest"] == DASH
 
 
 def test_the_page_needs_nothing_else_and_the_table_holds_all(plans, tmp_path):

@@ -171,7 +171,7 @@ def measure(variant: Variant) -> Found:
         failed_thickness(state, [int(state.attrs["step_index"])]),
         whole_share(variant),
         bool(narrow) or not min(volumes) > 0.0,
-        sum(variant.processor_time(stage) or 0.0 for stage in stages),
+        float(np.array([variant.processor_time(stage) for stage in stages], float).sum()),  # NaN without a log
     )
 
 

@@ -106,7 +106,8 @@ def _judged(case: Case, run: Runner) -> tuple[str, float, str, dict]:
     attributes = [state.attrs for state in outcome.states.values()]
     cut = [f"labelled truncated: {state['truncated_where']}" for state in attributes if state["truncated"]]
     is_right = error <= case.allowed and not line
-    kind = RIGHT if is_right else ENDED if cut else WRONG  # The label says that rock was kept from failing.
+    # The label says that rock was kept from failing, which explains no energy that is lacking.
+    kind = RIGHT if is_right else ENDED if cut and not line else WRONG
     return kind, float(error), line or (cut[0] if cut else ""), facts
 
 

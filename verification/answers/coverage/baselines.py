@@ -23,6 +23,7 @@ from verification.rows import Row
 
 SPREAD, KERNEL = 30.0, 8.0  # m: standard deviations of clusters, and of events about them, along each axis
 RUNS = 10  # of each baseline
+TRUTH_RECORDS, TRUTH_EVENTS = 300, 1000  # Records whose events have the record's law, and events of these for a truth.
 ERROR, CELL = 10.0, 5.0  # m: location error of the record, finest cell
 
 
@@ -53,10 +54,11 @@ def answer(settings: dict, allowed: dict) -> tuple[list[Coverage], list[Row]]:
             Coverage(f"{name}: {what}", chosen["catalogues"], found.given, share) for what, share in found.held.items()
         ]
         if case["shift"] == 0.0:
-            alarms.append(alarm_row(f"{name}: T_test", chosen, found.told_apart, allowed["alarms"]))
+            count = round(found.given * chosen["catalogues"])
+            alarms.append(alarm_row(f"{name}: T_test", chosen, found.told_apart, allowed["alarms"], count, "records"))
     for number, case in enumerate(chosen["rates"]):
-        share = rate_alarms(case, chosen, np.random.default_rng([settings["seed"], 6, number]))
-        alarms.append(alarm_row(f"rates, {case['name']}: N_test", chosen, share, allowed["alarms"]))
+        share, count = rate_alarms(case, chosen, np.random.default_rng([settings["seed"], 6, number]))
+        alarms.append(alarm_row(f"rates, {case['name']}: N_test", chosen, share, allowed["alarms"], count, "records"))
     return coverages, alarms
 
 
@@ -82,6 +84,7 @@ def place_scores(case: dict, chosen: dict, generator: np.random.Generator) -> Pl
         "first": Law(chosen["number"], case["shift"], case["runs"]),
         **{name: Law(chosen["number"], 0.0, RUNS) for name in ("second", "third")},
     }
+    lawful = np.concatenate([_record(generator, case, days)[1] for _ in range(TRUTH_RECORDS)])
     held: dict[str, list[bool]] = {"gain": [], "lead": []}
     told_apart: list[bool] = []
     for _ in range(chosen["catalogues"]):
@@ -97,7 +100,10 @@ def place_scores(case: dict, chosen: dict, generator: np.random.Generator) -> Pl
             continue
         deviation = np.hypot(ERROR, CELL) / np.sqrt(3.0)
         box = box_around(place, *(model.place for model in models.values()), margin=3.0 * deviation)
-        truth = [_true_gain(generator, law, steps, chosen["truth_runs"], deviation, box) for law in laws.values()]
+        events = lawful[generator.integers(0, len(lawful), TRUTH_EVENTS)]
+        truth = [
+            _true_gain(generator, events, law, steps, chosen["truth_runs"], deviation, box) for law in laws.values()
+        ]
         leads = [scores.lead("first", name) for name in ("second", "third")]
         gains = scores.interval()[1:]  # one run has no interval of its law
         held["gain"] += [low <= value <= high for (low, high), value in zip(gains, truth[1:], strict=True)]
@@ -108,14 +114,19 @@ def place_scores(case: dict, chosen: dict, generator: np.random.Generator) -> Pl
         told_apart.append(bool((adjusted([lead.p_value for lead in leads]) <= chosen["level"]).any()))
     shares = {what: float(np.mean(values)) if values else np.nan for what, values in held.items()}
     given = len(told_apart) / chosen["catalogues"]
-    return PlaceScores(given, shares, float(np.mean(told_apart)) if told_apart else 0.0)
+    return PlaceScores(given, shares, float(np.mean(told_apart)) if told_apart else np.nan)
 
 
 def _true_gain(
-    generator: np.random.Generator, law: Law, steps: int, runs: int, deviation: float, box: NDArray
+    generator: np.random.Generator,
+    events: NDArray,
+    law: Law,
+    steps: int,
+    runs: int,
+    deviation: float,
+    box: NDArray,
 ) -> float:
-    """Mean gain, nats, of runs of a law at events of the record's law."""
-    events = SPREAD * generator.normal(size=(200, 3)) + KERNEL * generator.normal(size=(200, 3))
+    """Mean gain, nats, of runs of a law at events (event, 3), m, of the record's law."""
     model = law.draw(generator, steps, runs)
     gains = [
         information_gain(events, model.place[(model.run == run) & (model.step == step)], deviation, box).mean()
@@ -133,8 +144,8 @@ def _record(generator: np.random.Generator, case: dict, days: float) -> tuple[ND
     return branching_events(generator, days, case["events"], case["branching"], SPREAD, KERNEL)[:2]
 
 
-def rate_alarms(case: dict, chosen: dict, generator: np.random.Generator) -> float:
-    """Share of records with an N test of the last month whose p-value is at most `level`."""
+def rate_alarms(case: dict, chosen: dict, generator: np.random.Generator) -> tuple[float, int]:
+    """Share of records with an N test of the last month whose p-value is at most `level`, and how many have one."""
     months = case["months"]
     edges = dated(30.0 * np.arange(months + 1))
     periods, p_values = Periods(edges[:-1], edges[1:], months - 1), []
@@ -143,4 +154,4 @@ def rate_alarms(case: dict, chosen: dict, generator: np.random.Generator) -> flo
         record = Places(dated(time), place[:, :2], np.ones(len(time)))
         p_values.append(step_rates(record, periods, None)[-1].all_earlier["days"].p_value)
     known = np.array(p_values)[np.isfinite(p_values)]
-    return float(np.mean(known <= chosen["level"])) if len(known) else 0.0
+    return (float(np.mean(known <= chosen["level"])) if len(known) else np.nan), len(known)

@@ -75,11 +75,15 @@ def _share_row(quantity: str, expected: float, share: float, off: float, bound: 
     return Row(quantity, expected, share, float(np.maximum(0.0, off)), MARGIN * error, remark)  # NaN stays NaN
 
 
-def alarm_row(name: str, chosen: dict, share: float, most: float) -> Row:
-    """Row of the share of pairs of one process that are said to differ, which may exceed the level only by chance."""
+def alarm_row(
+    name: str, chosen: dict, share: float, most: float, count: int | None = None, drawn: str = "pairs"
+) -> Row:
+    """Row of the share of pairs of one process that are said to differ, which may exceed the level only by chance.
+
+    count: how many are compared, all catalogues if not given; drawn: what they are."""
     level = chosen["level"]
     quantity = f"{name} of one process said to differ (p <= {level:g}; error: above {most:g})"
-    return share_at_most(quantity, level, share, most, chosen["catalogues"], "pairs")
+    return share_at_most(quantity, level, share, most, chosen["catalogues"] if count is None else count, drawn)
 
 
 def coverage_rows(one: Coverage, allowed: dict) -> list[Row]:
