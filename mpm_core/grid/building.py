@@ -4,9 +4,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import psutil
 
 from common.errors import InputError
+from common.free_memory import free_memory
 from mpm_core.grid.domain import marks_memory
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.grid.nodes import number_nodes
@@ -39,7 +39,10 @@ class GridMemory(NamedTuple):
 
 
 def count_cells(base_shape, levels: int, classify: Classify, buffer_cells: int) -> GridCount:
-    """Exact numbers of cells and nodes that :func:`build_grid` would make from these arguments, without making them."""
+    """Exact numbers of cells and nodes that :func:`build_grid` would make from these arguments, without making them.
+
+    Raises InputError if the machine has too little memory to count them."""
+    _require_memory(marks_memory(np.asarray(base_shape, np.int64), levels), f"the split marks of {levels} levels")
     return _count(mark_splits(base_shape, levels, classify, buffer_cells))
 
 
@@ -111,7 +114,7 @@ def build_grid(
 
 
 def _require_memory(needed: int, what: str) -> None:
-    available = psutil.virtual_memory().available
+    available = free_memory()
     if needed > available:
         raise InputError(
             f"grid: {what} take {needed / 1e9:.1f} GB of memory, {available / 1e9:.1f} GB are free: {GRID_REMEDY}"

@@ -8,6 +8,7 @@ import logging
 import psutil
 
 from common.errors import InputError
+from common.free_memory import free_memory
 from mpm_core.grid.mesh import MultiLevelGrid
 from mpm_core.scene.scene import Scene
 
@@ -37,7 +38,7 @@ def stage_bytes(
 
 def usable() -> float:
     """Memory that this process may use: what is free now and what it holds already, bytes."""
-    return psutil.virtual_memory().available + psutil.Process().memory_info().rss
+    return free_memory() + psutil.Process().memory_info().rss
 
 
 def require(needed: float, what: str, advice: str) -> None:

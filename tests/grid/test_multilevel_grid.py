@@ -5,7 +5,7 @@ import pytest
 from slow_grid import Boxes
 
 from common.errors import InputError
-from mpm_core.grid import CORNER_OFFSETS, build_grid, building, estimate_memory
+from mpm_core.grid import CORNER_OFFSETS, build_grid, building, count_cells, estimate_memory
 from mpm_core.grid.mesh import EDGE_CORNERS, FACE_CORNERS
 
 ORIGIN = np.array([100.0, -40.0, 12.5])
@@ -80,13 +80,12 @@ def test_the_counts_are_told_before_arrays_are_made_and_may_stop_the_building():
 
 @pytest.mark.parametrize(("available", "what"), [(100, "split marks"), (2500, "cells and .* nodes")])
 def test_too_little_memory_is_said_with_figures_before_it_is_taken(monkeypatch, available, what):
-    class Memory:
-        def __init__(self):
-            self.available = available
-
-    monkeypatch.setattr(building.psutil, "virtual_memory", Memory)
+    monkeypatch.setattr(building, "free_memory", lambda: available)
     with pytest.raises(InputError, match=f"grid: .*{what}.* take .* GB .* larger cells"):
         build_grid((0, 0, 0), 1.0, (5, 5, 5), 2, Boxes([((2, 2, 2), (3, 3, 3))], 2), 0)
+    if available < 2500:
+        with pytest.raises(InputError, match=r"grid: .*split marks"):
+            count_cells((5, 5, 5), 2, Boxes([((2, 2, 2), (3, 3, 3))], 2), 0)
 
 
 def test_the_memory_estimate_is_what_the_arrays_hold(grid):

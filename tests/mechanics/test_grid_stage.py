@@ -3,7 +3,6 @@
 import json
 import logging
 from collections import Counter
-from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -239,7 +238,7 @@ def test_too_little_memory_for_a_stage_is_said_before_it_starts(monkeypatch, tmp
 def test_memory_that_a_process_holds_is_usable_by_it(monkeypatch):
     """A stage's peak is foreseen with what it holds when it asks: the grid, the state before."""
     held = psutil.Process().memory_info().rss
-    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=1e9))
+    monkeypatch.setattr(stage_memory, "free_memory", lambda: 1e9)
     assert usable() == pytest.approx(1e9 + held, rel=0.01)
 
 
