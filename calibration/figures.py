@@ -94,12 +94,13 @@ def _draw_pair(panel, fit: Fit, pair: tuple[int, int], values: tuple[NDArray, ND
 def draw_predictions(fit: Fit, steps: Sequence[str], prior: NDArray) -> Figure:
     """Potency and number by step: recorded, predicted by the posterior (90 %), and computed by trials of the prior.
 
-    prior: ln potency and ln number of the trials, corrected for the cells (trial, output).
+    prior: ln potency and ln number of the trials, corrected for the cells (trial, output). Half an event is drawn
+    where there is none.
     """
     figure = style.new_figure(height=3.6)
     intervals, count = fit.intervals(), fit.steps
     spread = np.exp(weighted_quantiles(prior, np.full(len(prior), 1.0 / len(prior)), np.array([0.05, 0.5, 0.95])))
-    recorded = (np.exp(fit.recorded.log_potency), fit.recorded.number)
+    recorded = (np.exp(fit.recorded.log_potency), np.exp(fit.recorded.log_number))
     for part, (panel, label) in enumerate(
         zip(figure.subplots(1, 2), ("potency (m³)", "number of events above the cut"), strict=True)
     ):
@@ -170,9 +171,7 @@ def draw_instruments(fit: Fit) -> Figure:
     figure = style.new_figure(height=0.5 + 2.2 * rows)
     panels = figure.subplots(rows, INSTRUMENT_COLUMNS, squeeze=False).ravel()
     for panel, (one, error) in zip(panels, shown, strict=False):
-        covariance = one.covariance(scores[chosen], variance[chosen], term.model_error, error)
-        noise = np.linalg.cholesky(covariance) @ generator.standard_normal((len(chosen), len(one.value), 1))
-        drawn = one.centred(one.expected(scores[chosen]) + noise[:, :, 0])
+        drawn = one.centred(one.made(scores[chosen], variance[chosen], term.model_error, error, generator))
         low, high = np.quantile(drawn, [0.05, 0.95], axis=0)
         measured, steps = one.centred(one.value), list(dict.fromkeys(one.step))
         at = np.array([steps.index(step) for step in one.step])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from calibration.instruments import InstrumentTerm
 from calibration.likelihood import MAX_IMPLAUSIBILITY, Likelihood
 from calibration.posterior import POINTS, Posterior, find_posterior, weighted_quantiles
-from calibration.recorded import RecordedOutputs, clustered_numbers
+from calibration.recorded import RecordedOutputs, as_of, clustered_numbers
 from calibration.surrogate import Surrogate
 from calibration.trials import NUMBER, PLACES, POTENCY, SIZES, CellCorrection, Outputs
 
@@ -233,6 +233,8 @@ def _made_record(mean: NDArray, deviation: NDArray, fit: Fit, generator: np.rand
     made = replace(recorded, number=number, dispersion_index=dispersion_index, size_errors=errors)
     log_excess = recorded.log_excess
     if SIZES in columns:
-        sizes = mean[columns[SIZES]][0] + np.hypot(deviation[columns[SIZES]][0], error) * generator.standard_normal()
+        modelled = np.exp(mean[columns[NUMBER]]).sum()
+        sizes = as_of(mean[columns[SIZES]][0], modelled, number.sum())
+        sizes = sizes + np.hypot(deviation[columns[SIZES]][0], error) * generator.standard_normal()
         log_excess = float(sizes + drawn[-1])
     return replace(made, log_potency=made.log_number + mean_potency + drawn[:-1], log_excess=log_excess)

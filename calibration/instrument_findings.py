@@ -161,10 +161,8 @@ def p_value(
     """
     drawn = generator.choice(len(weights), DRAWS, p=weights)
     at, open_by = scores[drawn], variance[drawn]
-    expected, rest = one.expected(at), one.rest(at, open_by, model_error)
-    factor = one.factors[WORKS, error]
-    noise = generator.standard_normal((DRAWS, len(factor))) @ factor.T
-    made = expected + noise + np.einsum("ncr,nr->nc", rest, generator.standard_normal((DRAWS, rest.shape[2])))
+    expected, rest, factor = one.expected(at), one.rest(at, open_by, model_error), one.factors[WORKS, error]
+    made = one.made(at, open_by, model_error, error, generator)
     mean = expected.mean(axis=0)
     covariance = factor @ factor.T + np.einsum("ncr,ndr->cd", rest, rest) / DRAWS
     covariance = covariance + np.atleast_2d(np.cov(expected.T))

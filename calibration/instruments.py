@@ -91,6 +91,15 @@ class Instrument:
         columns = self.basis * np.sqrt(variance)[:, None, :]
         return np.concatenate([columns, gain * self.expected(scores)[:, :, None]], axis=2)
 
+    def made(
+        self, scores: NDArray, variance: NDArray, gain: float, error: int, generator: np.random.Generator
+    ) -> NDArray:
+        """Readings (point, contrast) that the instrument makes where it works, with all errors; error: its number."""
+        factor, rest = self.factors[WORKS, error], self.rest(scores, variance, gain)
+        noise = generator.standard_normal((len(scores), len(factor))) @ factor.T
+        by_rest = np.einsum("ncr,nr->nc", rest, generator.standard_normal((len(scores), rest.shape[2])))
+        return self.expected(scores) + noise + by_rest
+
     def squares(self, scores: NDArray, variance: NDArray, gain: float, of: tuple[int, int]) -> tuple[NDArray, NDArray]:
         """Squared distance (point,) of the readings from the expected ones, and half the log of the determinant.
 

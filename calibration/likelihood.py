@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 from scipy.stats import chi2, nbinom, norm
 
 from calibration.instruments import InstrumentTerm
-from calibration.recorded import RecordedOutputs
+from calibration.recorded import RecordedOutputs, as_of
 from calibration.settings import INSTRUMENTS
 from calibration.student import student_density
 from calibration.trials import MEAN_POTENCY, NUMBER, PLACES, POTENCY, SIZES, CellCorrection, Discrepancy
@@ -112,12 +112,12 @@ class Likelihood:
             return independent
         return np.minimum(independent, 1.0 / np.maximum(self.gain_error, 1e-12))
 
-    def size_differences(self, mean: NDArray, deviation: NDArray, terms: Sequence[str] | None = None) -> Differences:
+    def size_differences(self, mean: NDArray, deviation: NDArray) -> Differences:
         """Differences of ln potency by step, of the mean event where the number counts, and of ln mean size.
 
-        terms: in place of those that count. Given the number, a step without events has no mean event.
+        Given the number, a step without events has no mean event.
         """
-        recorded, terms = self.recorded, self.terms if terms is None else terms
+        recorded, terms = self.recorded, self.terms
         steps = len(recorded.number)
         given_number = NUMBER in terms
         off, variance, by_chance, covariance = [], [], [], np.zeros((0, 0))
@@ -140,7 +140,8 @@ class Likelihood:
                 covariance = covariance + np.diag(recorded.number_variance[columns])
         if SIZES in terms:
             size, open_by, run = self._of_term(SIZES, np.arange(1), mean, deviation)
-            off.append(recorded.log_excess - size)
+            modelled = np.exp(mean[:, self.columns[NUMBER]]).sum(axis=1, keepdims=True)
+            off.append(recorded.log_excess - as_of(size, modelled, recorded.number.sum()))
             variance.append(open_by**2)
             by_chance.append(run**2)
             columns = np.append(columns, steps)

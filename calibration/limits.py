@@ -11,8 +11,8 @@ from scipy.optimize import lsq_linear
 from scipy.stats import norm
 
 from calibration.fit import Fit
-from calibration.trials import SIZES, Discrepancy
-from catalogs.sources.sizes import LN10
+from calibration.recorded import as_of, slope
+from calibration.trials import NUMBER, SIZES, Discrepancy
 
 MAX_BEYOND_CHANCE = 0.05  # p-value up to which the record is said to point beyond a range.
 MAX_B_CHANCE = 0.025  # p-value up to which the record is said to have another b than the model.
@@ -105,19 +105,21 @@ class SizeLaw:
 def compare_b(fit: Fit, seed: int) -> SizeLaw:
     """Test of whether the calibrated model has the record's b, whether or not sizes count.
 
-    b is that of a power law with the mean size above the cut. The prediction contains the uncertainty of the posterior
-    and of the cells, and chance: that of a run or that of a mean of as many events as recorded, whichever is larger.
-    Errors of plan and stress change numbers and potency, and hardly the law of sizes.
+    b is that of a power law with the mean size above the cut; of no event there is no test. The prediction contains the
+    uncertainty of the posterior and of the cells, and chance: that of a run or that of a mean of as many events as
+    recorded, whichever is larger. Errors of plan and stress change numbers and potency, and hardly the law of sizes.
     """
-    likelihood = fit.likelihood
+    likelihood, number = fit.likelihood, int(fit.recorded.number.sum())
+    if not number:
+        return SizeLaw(np.nan, (np.nan, np.nan), 1.0)
     mean, deviation = fit.expected(fit.posterior.draws(DRAWS, seed))
     column = likelihood.columns[SIZES].start
     cells = likelihood.correction.errors.get(SIZES, Discrepancy()).covariance(1)[0, 0]
     chance = max(likelihood.chance[column] ** 2, fit.recorded.size_covariance[-1, -1])
     variance = deviation[:, column] ** 2 + chance + cells
-    off = fit.recorded.log_excess - mean[:, column]
+    expected = as_of(mean[:, column], np.exp(mean[:, likelihood.columns[NUMBER]]).sum(axis=1), number)
+    off = fit.recorded.log_excess - expected
     p_value = 2.0 * min(float(norm.cdf(off / np.sqrt(variance)).mean()), float(norm.sf(off / np.sqrt(variance)).mean()))
-    drawn = mean[:, column] + np.sqrt(variance) * np.random.default_rng(seed).standard_normal(len(mean))
-    low, high = (1.0 / (LN10 * np.exp(np.quantile(drawn, share))) for share in (0.95, 0.05))
-    recorded = 1.0 / (LN10 * np.exp(fit.recorded.log_excess))
-    return SizeLaw(float(recorded), (float(low), float(high)), min(p_value, 1.0))
+    drawn = expected + np.sqrt(variance) * np.random.default_rng(seed).standard_normal(len(mean))
+    low, high = slope(np.quantile(drawn, [0.95, 0.05]), number)
+    return SizeLaw(float(slope(fit.recorded.log_excess, number)), (float(low), float(high)), min(p_value, 1.0))

@@ -308,7 +308,8 @@ def trials_sentence(fit: Fit, trials: Trials) -> str:
     if trials.count("further"):
         text += f"{trials.count('further')} further trials lie where those before left most uncertain. "
     if trials.pairs and fit.steps:
-        shift = np.exp(fit.likelihood.correction.shift[potency])
+        correction = fit.likelihood.correction
+        shift = np.exp(correction.shift[potency]) / (1.0 if correction.share is None else correction.share)
         text += (
             f"{trials.pairs} were run on the mine's own cells, too, which multiply the potency of the steps by "
             f"{', '.join(f'{value:.2f}' for value in shift)}. "
@@ -343,7 +344,9 @@ def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity], 
     widths = ", ".join(
         f"{quantity.title} {width:.2f}" for quantity, width in zip(quantities, tested.width.mean(axis=0), strict=True)
     )
-    error = 100.0 * np.sqrt(0.9 * 0.1 / tested.held.size)
+    # the intervals of one trial hold its values, or do not, for the same chance
+    by_trial = tested.held.mean(axis=1).std(ddof=1) / np.sqrt(len(tested.held)) if len(tested.held) > 1 else 0.0
+    error = 100.0 * max(by_trial, np.sqrt(0.9 * 0.1 / tested.held.size))
     return (
         f"For each of the {len(tested.held)} designed trials {made}, and calibrated to without the trial. {errors} "
         f"The 90 % intervals hold {100 * tested.coverage:.0f} % of the true values "
@@ -354,12 +357,12 @@ def tested_sentence(tested: SelfTest, quantities: Sequence[CalibratedQuantity], 
 def best_rows(fit: Fit, rows: Rows, trials: Trials, quantities: Sequence[CalibratedQuantity]) -> list[dict]:
     """The rows with the largest likelihood, by the surrogate."""
     values = fit.log_likelihood(rows.points)
-    order = np.argsort(-values)[:BEST_TRIALS]
+    order, best = np.argsort(-values)[:BEST_TRIALS], max(fit.best_log_likelihood, values.max())
     return [
         {
             "number": trials.names[rows.trials[row]],
             "vals": [formatted(quantity, share) for quantity, share in zip(quantities, rows.points[row], strict=True)],
-            "below": f"{fit.best_log_likelihood - values[row]:.1f}",
+            "below": f"{best - values[row]:.1f}",
         }
         for row in order
     ]

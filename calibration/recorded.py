@@ -11,16 +11,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from catalogs.compare.comparison import record_clusters
 from catalogs.compare.exposure import Exposure, cluster_size
 from catalogs.settings import DatedStep
 from catalogs.sources.completeness import completeness, rounding
-from catalogs.sources.sizes import log_potency
+from catalogs.sources.sizes import LN10, log_potency
 from common.errors import InputError
 
 SIZE_DRAWS = 1000  # Draws of the sizes of a record.
+MIN_MEAN_EXCESS = 0.01  # log10 potency; a b of 43
 MIN_POOL = 10  # Recorded events from which on they are drawn from, beside those of the model.
 
 
@@ -166,6 +167,22 @@ def mean_excess(excess: NDArray) -> float:
     Of a power law the mean is 1 / (b ln 10). A run without events has a mean, too.
     """
     return float(np.log((excess.sum() + 1.0) / (len(excess) + 1.0)))
+
+
+def as_of(log_excess: NDArray, count: NDArray, other: ArrayLike) -> NDArray:
+    """What `mean_excess` is on average of `other` events where it is log_excess of `count` of the same law.
+
+    The one more event counts for more beside few events, and would tell the b of a small record from that of a run.
+    """
+    mean = ((count + 1.0) * np.exp(log_excess) - 1.0) / np.maximum(count, 1.0)
+    mean = np.where(count < 1.0, 1.0, np.maximum(mean, MIN_MEAN_EXCESS))
+    return np.log((np.asarray(other) * mean + 1.0) / (np.asarray(other) + 1.0))
+
+
+def slope(log_excess: ArrayLike, count: int) -> NDArray:
+    """b of a power law whose `mean_excess` is log_excess of so many events, one at least, without the one more."""
+    mean = ((count + 1.0) * np.exp(log_excess) - 1.0) / count
+    return 1.0 / (LN10 * np.maximum(mean, MIN_MEAN_EXCESS))
 
 
 def clustered_numbers(

@@ -37,6 +37,7 @@ from calibration.trials import (
 )
 from catalogs.compare.exposure import Exposure, common_period
 from catalogs.settings import DatedStep
+from catalogs.sources.sizes import log_potency
 from common.datasets import atomic_path, read_dataset
 from common.errors import InputError
 from common.event_table import read_events
@@ -152,7 +153,8 @@ def calibrate_catalogues(
     if record is not None and settings.catalogue_terms:
         exposure = Exposure.of(dated, common_period(record))
         check_record(record, dated, exposure, settings.terms)
-        cut = common_cut([*catalogues, *fine], complete_above(record, settings.complete_above))
+        complete = complete_above(record, settings.complete_above)
+        cut = common_cut([*catalogues, *fine], complete, log_potency(record["potency"].values))
         logging.info("events count from log10 potency %.2f m3 on", cut)
         places = read_places(record, exposure, cut, [*catalogues, *fine]) if PLACES in settings.terms else None
     steps = tuple(step.name for step in dated) if exposure else ()

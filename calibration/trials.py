@@ -15,6 +15,7 @@ from calibration.recorded import mean_excess
 from calibration.settings import INSTRUMENTS
 from catalogs.compare.exposure import Exposure
 from catalogs.compare.locations import box_around, information_gain, location_errors
+from catalogs.sources.completeness import next_edge, rounding
 from catalogs.sources.sizes import log_potency
 
 POTENCY, NUMBER, PLACES, SIZES = ("potency", "number", "places", "sizes")
@@ -114,12 +115,13 @@ class CellCorrection:
     """Correction of trials for their cells: shift (output,) that finer cells add to the outputs; errors, by term.
 
     scatter: standard deviation (output of the term,) of the error of each output of instruments, whose errors are not
-    alike as those of the steps of a catalogue.
+    alike as those of the steps of a catalogue. share (step,): recorded part of each step, which is in the shift.
     """
 
     shift: NDArray
     errors: dict[str, Discrepancy] = field(default_factory=dict)
     scatter: NDArray | None = None
+    share: NDArray | None = None
 
     @classmethod
     def none(cls, trials: Outputs) -> "CellCorrection":
@@ -161,13 +163,18 @@ class CellCorrection:
         shift = self.shift.copy()
         for term in (POTENCY, NUMBER):
             shift[trials.columns[term]] += np.log(share)
-        return CellCorrection(shift, self.errors, self.scatter)
+        return CellCorrection(shift, self.errors, self.scatter, share)
 
 
-def common_cut(catalogues: Sequence[xr.Dataset], complete_above: float) -> float:
-    """log10 potency (m3) from which every trial and the record are complete; complete_above: that of the record."""
+def common_cut(catalogues: Sequence[xr.Dataset], complete_above: float, sizes: NDArray) -> float:
+    """log10 potency (m3) from which every trial and the record are complete; complete_above: that of the record.
+
+    sizes (event,): of the record, log10 m3. If they are rounded it is the lower edge of a bin: events of the one that
+    it lies in would count that are smaller, and lack that are larger.
+    """
     floors = [float(one.attrs["potency_floor"]) for one in catalogues]
-    return max([complete_above, *(float(log_potency(floor)) for floor in floors if np.isfinite(floor))])
+    cut = max([complete_above, *(float(log_potency(floor)) for floor in floors if np.isfinite(floor))])
+    return next_edge(sizes, cut, rounding(sizes))
 
 
 def counted_sizes(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float) -> NDArray:

@@ -313,3 +313,14 @@ def test_instruments_are_a_term_by_name():
     assert not CalibrationSettings.read({"quantities": [one]}).uses_instruments
     with pytest.raises(InputError, match=r"terms\[0\]"):
         CalibrationSettings.read({"quantities": [one], "terms": ["instrument"]})
+
+
+def test_readings_are_made_with_the_covariance_that_judges_them():
+    """About what is expected: the page's figure draws its intervals from them."""
+    term, scores = term_of(modelled(POINTS[:1])[0])
+    one, generator = term.instruments[0], np.random.default_rng(18)
+    same, variance = np.repeat(scores[:1], 20_000, axis=0), np.full((20_000, scores.shape[1]), 0.02)
+    made = one.made(same, variance, MODEL_ERROR, 0, generator)
+    expected = one.covariance(scores[:1], variance[:1], MODEL_ERROR, 0)[0]
+    np.testing.assert_allclose(np.cov(made.T), expected, atol=0.03 * np.abs(expected).max())
+    np.testing.assert_allclose(made.mean(axis=0), one.expected(scores[:1])[0], atol=0.03 * np.sqrt(expected.max()))

@@ -46,3 +46,15 @@ def test_another_b_is_told_although_sizes_are_no_term(case):
     assert all(one.recorded > one.modelled[1] for one in other if one.is_told)
     assert all(one.modelled[0] < one.modelled[1] for one in other)
     assert sum(compare_b(fit, 1).is_told for fit in fits(case, [0.5, 0.5])) <= 1
+
+
+def test_few_events_have_the_b_of_the_model_too():
+    """The one event more that each mean has made the b of three events that of a law with fewer small ones."""
+    few = MinedTrials(CHOSEN | {"b": 1.2}, {"events": 200, "terms": ["potency"]}, np.random.default_rng(4))
+    generator = np.random.default_rng(5)
+    records = [mine.record(np.array([0.5, 0.5]), few.case | {"events": 1}, generator) for _ in range(40)]
+    found = [compare_b(few.calibrated(one)[0], 1) for one in records]
+    assert np.mean([one.is_told for one in found]) <= 0.05
+    known = [one for one in found if np.isfinite(one.recorded)]
+    assert len(known) > 30
+    assert all(one.p_value == 1.0 for one in found if one not in known)

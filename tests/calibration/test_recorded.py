@@ -5,13 +5,16 @@ import pytest
 import xarray as xr
 
 from calibration.recorded import (
+    as_of,
     check_record,
     clustered_numbers,
     complete_above,
     covered,
+    mean_excess,
     read_record,
     size_dispersion,
     size_errors,
+    slope,
 )
 from catalogs.compare.exposure import Exposure
 from catalogs.settings import DatedStep
@@ -138,3 +141,18 @@ def test_steps_count_for_the_time_that_the_record_covers():
     np.testing.assert_allclose(covered(exposure, STEPS), [0.5, 1.0])
     with pytest.raises(InputError, match="covers nothing of step one"):
         covered(Exposure.of(STEPS, ("2019-09-02", "2019-10-01")), STEPS)
+
+
+@pytest.mark.parametrize(("count", "other"), [(200, 3), (200, 30), (3, 200)])
+def test_a_mean_size_is_that_of_another_number_of_events(count, other):
+    """Beside few events the one more counts for more: what they show on average is not what many do."""
+    generator = np.random.default_rng(8)
+    of_count = mean_excess(np.full(count, 0.36))
+    of_other = [mean_excess(generator.exponential(0.36, other)) for _ in range(4000)]
+    shown = np.log(np.mean(np.exp(of_other)))
+    assert as_of(np.array(of_count), np.array(float(count)), other) == pytest.approx(shown, abs=0.01)
+    assert slope(of_count, count) == pytest.approx(1.0 / (0.36 * np.log(10.0)))
+
+
+def test_a_run_without_events_has_a_mean_size_too():
+    assert as_of(np.zeros(2), np.array([0.0, 0.4]), 5) == pytest.approx(np.zeros(2))

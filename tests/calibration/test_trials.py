@@ -1,5 +1,7 @@
 """From catalogues to outcomes, from a record to what a calibration needs of it, and mine files with other values."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,6 +9,7 @@ import yaml
 
 from calibration.fit import Rows, calibrate, calibrate_to_trials
 from calibration.mine_files import is_draw_of, with_values, write_mine
+from calibration.page import Trials, trials_sentence
 from calibration.recorded import RecordedOutputs, mean_excess
 from calibration.settings import CalibratedQuantity, CalibrationSettings, cohesion_of, strength_under
 from calibration.tradeoffs import best_known_strengths, further_points, telling_observations
@@ -141,7 +144,18 @@ def test_a_trial_with_several_extractions_is_so_many_catalogues():
 def test_events_count_from_the_largest_floor_of_all_runs_on():
     """A record that is complete further down does not lower it, one that is not raises it."""
     runs = [catalogue({"one": [1.0]}, floor=0.01), catalogue({"one": [1.0]}, floor=0.03)]
-    np.testing.assert_allclose([common_cut(runs, -3.0), common_cut(runs, -1.0)], [np.log10(0.03), -1.0])
+    sizes = np.random.default_rng(1).normal(size=50)
+    found = [common_cut(runs, -3.0, sizes), common_cut(runs, -1.0, sizes)]
+    np.testing.assert_allclose(found, [np.log10(0.03), -1.0])
+
+
+def test_rounded_sizes_count_by_whole_bins():
+    """Of Mw to 0.1 a cut in the midst of a bin counted its smaller events, half a bin too many, or none of it."""
+    sizes = 0.15 * np.random.default_rng(1).integers(-20, 10, 200)
+    cut = common_cut([catalogue({"one": [1.0]}, floor=10**-1.13)], -3.0, sizes)
+    assert cut == pytest.approx(-1.125)
+    assert common_cut([catalogue({"one": [1.0]}, floor=10**-1.2)], -3.0, sizes) == pytest.approx(-1.125)
+    assert common_cut([catalogue({"one": [1.0]}, floor=10**-1.1)], -3.0, sizes) == pytest.approx(-0.975)
 
 
 def test_nothing_fails_before_the_record_where_no_rock_fails_in_any_trial():
@@ -166,6 +180,14 @@ def test_cells_are_corrected_by_pairs():
     assert found.errors["number"] == Discrepancy(0.0, 0.0)
     half = found.during(np.array([1.0, 0.5, 0.25]), Outputs(coarse))
     np.testing.assert_allclose(half.shift - found.shift, [0, -np.log(2), -np.log(4)] * 2)
+    fit = SimpleNamespace(
+        likelihood=SimpleNamespace(correction=half, columns={"potency": slice(0, 3)}),
+        surrogate=SimpleNamespace(left_out=lambda: np.ones((2, 4, 6)), outputs=np.zeros((4, 6))),
+        steps=3,
+    )
+    said = trials_sentence(fit, Trials(["a"], ["design"], 2, {}, False))
+    factors = ", ".join(f"{one:.2f}" for one in np.exp(found.shift[:3]))  # of the cells, not of what is recorded
+    assert f"multiply the potency of the steps by {factors}. " in said
 
 
 def test_sets_of_events_of_one_rock_are_one_pair():

@@ -23,6 +23,7 @@ from calibration.trials import (
     outputs,
     read_places,
 )
+from catalogs.sources.sizes import log_potency
 from common.errors import InputError
 from verification.answers.coverage import closed_form_mine as mine
 from verification.answers.coverage.shares import MARGIN, Coverage, share_at_least, share_at_most
@@ -61,7 +62,7 @@ class MinedTrials:
     def calibrated(self, record: xr.Dataset) -> tuple[Fit, Rows]:
         """Calibration to a record, and the rows of the trials. Raises InputError if its completeness is unknown."""
         known = None if "fade" in self.case else mine.FLOOR
-        cut = common_cut(self.catalogues, complete_above(record, known))
+        cut = common_cut(self.catalogues, complete_above(record, known), log_potency(record["potency"].values))
         exposure = mine.exposure()
         places = read_places(record, exposure, cut, self.catalogues) if PLACES in self.terms else None
         made = outputs(self.catalogues, mine.STEPS, cut, places)
