@@ -121,7 +121,8 @@ class MapScores:
         """Events (event,) bool for which every map has a forecast, of the maps that have any: what all steps together
         are scored by. The ceiling is no forecast."""
         gain = self.gain[[label != CEILING for label in self.labels]]
-        return np.isfinite(gain[np.isfinite(gain).any(axis=1)]).all(axis=0)
+        known = np.isfinite(gain)
+        return known[known.any(axis=1)].all(axis=0) & known.any(axis=0)
 
     @property
     def clusters(self) -> int:
@@ -139,9 +140,13 @@ class MapScores:
         return self.effective_clusters >= MIN_CLUSTERS
 
     def mean(self, step: int | None = None) -> NDArray:
-        """Mean gain of each map (map,), nats per event, of one step or of those that all maps forecast; NaN without."""
-        own = self._own(step)
-        return self.gain[:, own].mean(axis=1) if own.any() else np.full(len(self.labels), np.nan)
+        """Mean gain of each map (map,), nats per event, of one step or of those that all maps forecast; NaN without.
+
+        That of the ceiling is of those events which have one."""
+        gain = self.gain[:, self._own(step)]
+        known = np.isfinite(gain) | np.array([[label != CEILING] for label in self.labels])
+        count = known.sum(axis=1)
+        return np.where(count, np.where(known, gain, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
 
     def interval(self, step: int | None = None) -> NDArray:
         """95 % interval of the mean gain (map, 2). It contains the chance of a map's runs if these are MIN_BLOCKS."""

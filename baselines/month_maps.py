@@ -82,11 +82,13 @@ def times_with_face(face: Face, start: np.datetime64, end: np.datetime64) -> NDA
     return time[np.isfinite(face.at(time).ahead).all(axis=1)]
 
 
-def span_of_face(face: Face, start: np.datetime64, end: np.datetime64) -> tuple[np.datetime64, np.datetime64]:
-    """The part of a step from the first to the last time at which a face stands; of no length without a face."""
-    times = times_with_face(face, start, end)
-    half = (end - start) // (2 * TIMES_IN_STEP)
-    return (times[0] - half, times[-1] + half) if len(times) else (start, start)
+def spans_of_face(face: Face | None, start: np.datetime64, end: np.datetime64) -> NDArray:
+    """Start and end (span, 2) of the parts of a step in which a face stands; all of it where the mine has none."""
+    if face is None:
+        return np.array([[start, end]])
+    times, half = times_with_face(face, start, end), (end - start) // (2 * TIMES_IN_STEP)
+    parts = np.split(times, np.flatnonzero(np.diff(times) > 3 * half) + 1)
+    return np.array([[one[0] - half, one[-1] + half] for one in parts if len(one)], times.dtype).reshape(-1, 2)
 
 
 def move(events: Places, face: Face, start: np.datetime64, end: np.datetime64) -> NDArray:

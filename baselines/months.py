@@ -18,7 +18,7 @@ from baselines.drives import DriveMetres
 from baselines.map_scores import MIN_CLUSTERS, MapScores, coarser_clusters
 from baselines.measures import METRES
 from baselines.models import ModelComparison
-from baselines.month_maps import TIMES_IN_STEP, MonthMaps, Periods, Places, nuisances, span_of_face, times_with_face
+from baselines.month_maps import TIMES_IN_STEP, MonthMaps, Periods, Places, nuisances, spans_of_face, times_with_face
 from baselines.number_forecasts import (
     ALL_LAWS,
     NumberScores,
@@ -72,7 +72,7 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
         record = Places(record.time[has_face], record.place[has_face], record.potency[has_face])
     edges = list(zip(periods.start, periods.end, strict=True))
     amounts = [_amount(face, start, end) for start, end in edges]
-    mined = np.array([(start, end) if face is None else span_of_face(face, start, end) for start, end in edges])
+    with_face = [spans_of_face(face, start, end) for start, end in edges]
     period = Exposure(periods.start, periods.end).step(record.time)
     numbers = np.array([np.count_nonzero(period == one) for one in range(len(amounts))])
     clusters = cluster_labels(record.time, record.place, period)
@@ -81,7 +81,7 @@ def step_rates(record: Places, periods: Periods, face: Face | None) -> list[Step
         own = periods.before + step
         counted = (period >= 0) & (period <= own)
         sizes = np.unique(coarser_clusters(clusters[counted], record.time[counted]), return_counts=True)[1]
-        known = Exposure(*mined[: own + 1].T)
+        known = Exposure(*np.concatenate(with_face[: own + 1]).T)
         dispersion = known.dispersion_index(record.time, clusters)
         dispersion = dispersion if effective_blocks(sizes) >= MIN_CLUSTERS else np.nan
 

@@ -101,6 +101,14 @@ class Likelihood:
         of_runs = self.chance[self.columns[NUMBER]] ** 2 * np.maximum(self.recorded.number, 0.5)
         return np.maximum(self.recorded.dispersion_index, of_runs)
 
+    def modelled_count(self, mean: NDArray) -> NDArray:
+        """Events above the cut (point,) of a run, of whole steps: those whose sizes its mean size is of.
+
+        mean: as of `__call__`. A step without events counts as half of one.
+        """
+        share = 1.0 if self.correction.share is None else self.correction.share
+        return (np.exp(mean[:, self.columns[NUMBER]]) / share).sum(axis=1)
+
     def place_weights(self) -> NDArray:
         """Independent events (step,) that the mean information gain of a step counts for.
 
@@ -140,8 +148,9 @@ class Likelihood:
                 covariance = covariance + np.diag(recorded.number_variance[columns])
         if SIZES in terms:
             size, open_by, run = self._of_term(SIZES, np.arange(1), mean, deviation)
-            modelled = np.exp(mean[:, self.columns[NUMBER]]).sum(axis=1, keepdims=True)
-            off.append(recorded.log_excess - as_of(size, modelled, recorded.number.sum()))
+            modelled, number = self.modelled_count(mean)[:, None], recorded.number.sum()
+            fewer = np.minimum(modelled, number)
+            off.append(as_of(recorded.log_excess, number, fewer) - as_of(size, modelled, fewer))
             variance.append(open_by**2)
             by_chance.append(run**2)
             columns = np.append(columns, steps)

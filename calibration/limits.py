@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from calibration.fit import Fit
 from calibration.recorded import as_of, slope
-from calibration.trials import NUMBER, SIZES, Discrepancy
+from calibration.trials import SIZES, Discrepancy
 
 MAX_BEYOND_CHANCE = 0.05  # p-value up to which the record is said to point beyond a range.
 MAX_B_CHANCE = 0.025  # p-value up to which the record is said to have another b than the model.
@@ -117,9 +117,11 @@ def compare_b(fit: Fit, seed: int) -> SizeLaw:
     cells = likelihood.correction.errors.get(SIZES, Discrepancy()).covariance(1)[0, 0]
     chance = max(likelihood.chance[column] ** 2, fit.recorded.size_covariance[-1, -1])
     variance = deviation[:, column] ** 2 + chance + cells
-    expected = as_of(mean[:, column], np.exp(mean[:, likelihood.columns[NUMBER]]).sum(axis=1), number)
-    off = fit.recorded.log_excess - expected
+    modelled = likelihood.modelled_count(mean)
+    fewer = np.minimum(modelled, number)
+    expected = as_of(mean[:, column], modelled, fewer)
+    off = as_of(fit.recorded.log_excess, number, fewer) - expected
     p_value = 2.0 * min(float(norm.cdf(off / np.sqrt(variance)).mean()), float(norm.sf(off / np.sqrt(variance)).mean()))
     drawn = expected + np.sqrt(variance) * np.random.default_rng(seed).standard_normal(len(mean))
-    low, high = slope(np.quantile(drawn, [0.95, 0.05]), number)
+    low, high = np.quantile(slope(drawn, fewer), [0.05, 0.95], method="nearest")
     return SizeLaw(float(slope(fit.recorded.log_excess, number)), (float(low), float(high)), min(p_value, 1.0))

@@ -118,9 +118,12 @@ def warnings(fit: Fit, quantities: Sequence[CalibratedQuantity], tests: Tests, t
             "little."
         )
     if law is not None and law.is_told:
+        low, high = law.modelled
+        ends = f"{low:.2f} to {high:.2f}" if np.isfinite(high) else f"{low:.2f} or more"
+        recorded = f"{law.recorded:.2f}" if np.isfinite(law.recorded) else "too large to say"
         lines.append(
             f"The recorded sizes have another law than those of the model: above the cut b of log potency is "
-            f"{law.recorded:.2f} in the record, and {law.modelled[0]:.2f} to {law.modelled[1]:.2f} (90 %) for such a "
+            f"{recorded} in the record, and {ends} (90 %) for such a "
             f"record of the calibrated model (p {_p_value(law.p_value)} if both are one). The few largest events rule "
             "the potency: trust neither the potency nor the forecasts of the calibrated model."
         )

@@ -22,6 +22,7 @@ from common.errors import InputError
 
 SIZE_DRAWS = 1000  # Draws of the sizes of a record.
 MIN_MEAN_EXCESS = 0.01  # log10 potency; a b of 43
+MIN_COUNT = 1e-6  # Events of a run that has hardly any.
 MIN_POOL = 10  # Recorded events from which on they are drawn from, beside those of the model.
 
 
@@ -30,8 +31,8 @@ class RecordedOutputs:
     """Outputs of the record, of each step in order.
 
     log_potency (step,) ln m3; number (step,) of events above the common cut; dispersion_index: variance over mean of
-    that number, at least 1; log_excess: ln of the mean of log10 potency above the cut. size_errors (draw, step + 1):
-    what chance adds to ln of the mean potency of so many events in each step, and to log_excess.
+    that number, at least 1; log_excess: `mean_excess` of their sizes above the cut. size_errors (draw, step + 1): what
+    chance adds to ln of the mean potency of so many events in each step, and to log_excess.
     """
 
     log_potency: NDArray
@@ -169,20 +170,22 @@ def mean_excess(excess: NDArray) -> float:
     return float(np.log((excess.sum() + 1.0) / (len(excess) + 1.0)))
 
 
-def as_of(log_excess: NDArray, count: NDArray, other: ArrayLike) -> NDArray:
+def as_of(log_excess: ArrayLike, count: ArrayLike, other: ArrayLike) -> NDArray:
     """What `mean_excess` is on average of `other` events where it is log_excess of `count` of the same law.
 
-    The one more event counts for more beside few events, and would tell the b of a small record from that of a run.
+    The one more event counts for more beside few events: of two sizes, those of more events are to be brought to the
+    number of the other, since the other way it multiplies errors.
     """
-    mean = ((count + 1.0) * np.exp(log_excess) - 1.0) / np.maximum(count, 1.0)
-    mean = np.where(count < 1.0, 1.0, np.maximum(mean, MIN_MEAN_EXCESS))
-    return np.log((np.asarray(other) * mean + 1.0) / (np.asarray(other) + 1.0))
-
-
-def slope(log_excess: ArrayLike, count: int) -> NDArray:
-    """b of a power law whose `mean_excess` is log_excess of so many events, one at least, without the one more."""
+    count, other = np.maximum(count, MIN_COUNT), np.asarray(other, float)
     mean = ((count + 1.0) * np.exp(log_excess) - 1.0) / count
-    return 1.0 / (LN10 * np.maximum(mean, MIN_MEAN_EXCESS))
+    return np.log((other * np.maximum(mean, MIN_MEAN_EXCESS) + 1.0) / (other + 1.0))
+
+
+def slope(log_excess: ArrayLike, count: ArrayLike) -> NDArray:
+    """b of a power law whose `mean_excess` is log_excess of so many events, without the one more; infinite where the
+    rest has no size above the cut."""
+    mean = ((np.asarray(count) + 1.0) * np.exp(log_excess) - 1.0) / np.maximum(count, MIN_COUNT)
+    return np.where(mean > MIN_MEAN_EXCESS, 1.0 / (LN10 * np.maximum(mean, MIN_MEAN_EXCESS)), np.inf)
 
 
 def clustered_numbers(

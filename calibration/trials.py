@@ -169,12 +169,12 @@ class CellCorrection:
 def common_cut(catalogues: Sequence[xr.Dataset], complete_above: float, sizes: NDArray) -> float:
     """log10 potency (m3) from which every trial and the record are complete; complete_above: that of the record.
 
-    sizes (event,): of the record, log10 m3. If they are rounded it is the lower edge of a bin: events of the one that
-    it lies in would count that are smaller, and lack that are larger.
+    sizes (event,): of the record, log10 m3. If they are rounded, the cut is the lower edge of a bin: of the one that
+    holds complete_above, or of the next one above the trials' floors.
     """
-    floors = [float(one.attrs["potency_floor"]) for one in catalogues]
-    cut = max([complete_above, *(float(log_potency(floor)) for floor in floors if np.isfinite(floor))])
-    return next_edge(sizes, cut, rounding(sizes))
+    width, floors = rounding(sizes), [float(one.attrs["potency_floor"]) for one in catalogues]
+    own = next_edge(sizes, complete_above - (1.0 - 1e-3) * width, width)
+    return max([own, *(next_edge(sizes, float(log_potency(one)), width) for one in floors if np.isfinite(one))])
 
 
 def counted_sizes(catalogues: Sequence[xr.Dataset], steps: Sequence[str], cut: float) -> NDArray:

@@ -48,7 +48,11 @@ FIELDS = (
     Field("strength_factor", ROWS, np.float64, "1", "least strength over stress of the first intact rock"),
     Field("events_modelled", ROWS, np.int64, "1", "modelled events of the step to which this wall is nearest"),
     Field(
-        "events_recorded", ROWS, np.float64, "1", "recorded events of the step's dates to which this wall is nearest"
+        "events_recorded",
+        ROWS,
+        np.float64,
+        "1",
+        "recorded events of the step's dates to which this wall is nearest, if the record reaches them",
     ),
 )
 RUN_OPENING = ("run", "opening")

@@ -63,19 +63,24 @@ def test_time_without_a_face_does_not_count():
     assert third.all_earlier["metres"].expected == pytest.approx(310.0, rel=0.01)
 
 
-def test_days_without_a_face_are_no_days_without_events():
-    """A panel that ends in the midst of the last month made independent events look clustered."""
-    face = Face.of(
-        [
-            FacePosition.of({"date": date, "ends": [[x, -100.0], [x, 100.0]]})
-            for date, x in (("2019-08-01", 0.0), ("2019-10-15", 75.0))
-        ]
-    )
+@pytest.mark.parametrize("gap", [(75.0, 75.0), (68.0, 84.0)])
+def test_days_without_a_face_are_no_days_without_events(gap):
+    """A panel that ends in the midst of the last month, or days between two panels, made independent events look
+    clustered."""
+    begins, days = np.datetime64("2019-08-01"), [("a", 0.0), ("a", gap[0]), ("b", gap[1]), ("b", 92.0)]
+    at = [(panel, str(begins + np.timedelta64(round(day), "D")), day) for panel, day in days]
+    if gap[0] == gap[1]:
+        at = at[:2]
+    positions = [{"date": date, "panel": panel, "ends": [[x, -100.0], [x, 100.0]]} for panel, date, x in at]
+    face = Face.of([FacePosition.of(one) for one in positions])
     generator = np.random.default_rng(3)
-    time = np.sort(START[0] + (generator.random(180) * 75.0 * DAY).astype("timedelta64[ns]"))
-    events = Places(time, 1e4 * generator.random((180, 2)), np.ones(180))
+    day = np.sort(generator.random(220) * 92.0)
+    day = day[(day < gap[0]) | ((day >= gap[1]) & (len(at) > 2))]
+    events = Places(
+        START[0] + (day * DAY).astype("timedelta64[ns]"), 1e4 * generator.random((len(day), 2)), np.ones(len(day))
+    )
     third = step_rates(events, Periods.of(START, END, None), face)[-1]
-    independent = n_test(third.number, third.amount["days"], 180 - third.number, 61.0)
+    independent = n_test(third.number, third.amount["days"], len(day) - third.number, 61.0)
     assert third.all_earlier["days"].p_value == pytest.approx(independent.p_value, rel=0.05)
 
 

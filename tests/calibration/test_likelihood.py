@@ -8,7 +8,7 @@ from scipy.stats import chi2, multivariate_t, nbinom, norm, poisson
 
 from calibration.likelihood import Likelihood, number_term, student_term
 from calibration.posterior import find_posterior
-from calibration.recorded import RecordedOutputs
+from calibration.recorded import RecordedOutputs, mean_excess
 from calibration.student import DEGREES_OF_FREEDOM
 from calibration.trials import MEAN_POTENCY, CellCorrection, Discrepancy
 
@@ -208,3 +208,18 @@ def test_steps_that_are_all_off_a_little_are_implausible_together():
     assert found > 3.0
     excused = judge(record, ("potency", "number"), error=Discrepancy(common=0.2))
     assert excused.implausibility(mean, np.zeros((1, 7)))[0] < 2.0
+
+
+@pytest.mark.parametrize("share", [1.0, 0.2])
+@pytest.mark.parametrize(("modelled", "number"), [(200, (2, 1)), (2, (150, 50)), (40, (20, 20)), (3, (0, 0))])
+def test_mean_sizes_of_one_law_agree_whatever_the_numbers(modelled, number, share):
+    """Each holds one event more, which counts for more beside few. That of whole steps is compared, however long the
+    record was taken in them."""
+    excess, events = 0.36, sum(number)
+    mean = np.zeros((1, 7))
+    mean[0, 2:4], mean[0, 6] = np.log(share * modelled / 2), mean_excess(np.full(modelled, excess))
+    record = replace(recorded([0.0, 0.0], number=number), log_excess=mean_excess(np.full(events, excess)))
+    likelihood = judge(record, ("sizes",))
+    correction = replace(likelihood.correction, share=np.full(2, share))
+    found = replace(likelihood, correction=correction).size_differences(mean, np.full((1, 7), 0.1))
+    assert found.off[0, 0] == pytest.approx(0.0, abs=1e-6)

@@ -55,6 +55,6 @@ def test_few_events_have_the_b_of_the_model_too():
     records = [mine.record(np.array([0.5, 0.5]), few.case | {"events": 1}, generator) for _ in range(40)]
     found = [compare_b(few.calibrated(one)[0], 1) for one in records]
     assert np.mean([one.is_told for one in found]) <= 0.05
-    known = [one for one in found if np.isfinite(one.recorded)]
-    assert len(known) > 30
-    assert all(one.p_value == 1.0 for one in found if one not in known)
+    without = [one.p_value for one in found if np.isnan(one.recorded)]  # an event
+    assert without == [1.0] * len(without)
+    assert 0 < len(without) < 10

@@ -143,7 +143,7 @@ def test_steps_count_for_the_time_that_the_record_covers():
         covered(Exposure.of(STEPS, ("2019-09-02", "2019-10-01")), STEPS)
 
 
-@pytest.mark.parametrize(("count", "other"), [(200, 3), (200, 30), (3, 200)])
+@pytest.mark.parametrize(("count", "other"), [(200, 3), (200, 30), (3, 2), (30, 30)])
 def test_a_mean_size_is_that_of_another_number_of_events(count, other):
     """Beside few events the one more counts for more: what they show on average is not what many do."""
     generator = np.random.default_rng(8)
@@ -152,7 +152,10 @@ def test_a_mean_size_is_that_of_another_number_of_events(count, other):
     shown = np.log(np.mean(np.exp(of_other)))
     assert as_of(np.array(of_count), np.array(float(count)), other) == pytest.approx(shown, abs=0.01)
     assert slope(of_count, count) == pytest.approx(1.0 / (0.36 * np.log(10.0)))
+    assert slope(-2.0, 1) == np.inf  # nothing but the one more
 
 
 def test_a_run_without_events_has_a_mean_size_too():
-    assert as_of(np.zeros(2), np.array([0.0, 0.4]), 5) == pytest.approx(np.zeros(2))
+    assert as_of(0.0, 0.0, 0.0) == pytest.approx(0.0)
+    assert as_of(0.0, 0.4, 0.4) == pytest.approx(0.0)
+    assert as_of(-0.5, 20.0, 0.0) == pytest.approx(0.0)  # of no event nothing is known

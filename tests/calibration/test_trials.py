@@ -155,7 +155,10 @@ def test_rounded_sizes_count_by_whole_bins():
     cut = common_cut([catalogue({"one": [1.0]}, floor=10**-1.13)], -3.0, sizes)
     assert cut == pytest.approx(-1.125)
     assert common_cut([catalogue({"one": [1.0]}, floor=10**-1.2)], -3.0, sizes) == pytest.approx(-1.125)
-    assert common_cut([catalogue({"one": [1.0]}, floor=10**-1.1)], -3.0, sizes) == pytest.approx(-0.975)
+    low = [catalogue({"one": [1.0]}, floor=10**-1.1)]
+    assert common_cut(low, -3.0, sizes) == pytest.approx(-0.975)
+    for complete, edge in ((-0.6, -0.675), (-0.675, -0.675), (-0.53, -0.675), (-0.52, -0.525)):  # the bin that holds it
+        assert common_cut(low, complete, sizes) == pytest.approx(edge)
 
 
 def test_nothing_fails_before_the_record_where_no_rock_fails_in_any_trial():
