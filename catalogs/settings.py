@@ -231,7 +231,7 @@ class ReportSlice(Settings):
     sections: Annotated[tuple[SectionPlane, ...], AsTuple] = ()
     """planes that are shown, on the map"""
     foreseen: dict[str, Any] = None
-    """what a request (accuracy) was told before the run: quotes `own`, `half` for half of the error, steps, members"""
+    """what a request (accuracy) was told before the run: quotes `own`, `half` for half of the error; for what run"""
 
 
 class GridConvergenceSettings(Settings):

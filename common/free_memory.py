@@ -7,12 +7,9 @@ import psutil
 
 MEMBERSHIP = Path("/proc/self/cgroup")  # control groups of this process: a line for each hierarchy
 GROUPS = Path("/sys/fs/cgroup")
-UNIFIED = (
-    "memory.max",
-    "memory.current",
-    "inactive_file",
-)  # of version 2: limit, use, and what of this are file caches
-SEPARATE = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")  # of version 1
+UNIFIED = ("memory.max", "memory.current", "")  # of version 2: limit, use, and how names in memory.stat begin
+SEPARATE = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_")  # of version 1
+CACHES = ("inactive_file", "active_file")  # part of the use, which the kernel gives back
 
 
 def free_memory() -> float:
@@ -35,7 +32,7 @@ def _left_in_groups() -> Iterator[float]:
         for folder in [group, *group.parents][: len(group.relative_to(root).parts) + 1]:
             try:  # A container has the folder of its own group at the root.
                 limit, used = (float((folder / name).read_text()) for name in names[:2])
-                caches = dict(one.split() for one in (folder / "memory.stat").read_text().splitlines())
-                yield limit - used + float(caches[names[2]])
+                held = dict(one.split() for one in (folder / "memory.stat").read_text().splitlines())
+                yield limit - used + sum(float(held[names[2] + cache]) for cache in CACHES)
             except (OSError, ValueError, KeyError):  # without a limit, or not there
                 continue

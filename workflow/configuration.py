@@ -35,6 +35,7 @@ IN_PLACE = {  # of required keys
 }
 SIZE_KEYS = ("finest_cell", "coarse_cell", "levels")  # of section grid
 LISTS = ("excavations", "rock_bodies", "loads", "strains", "steps")
+FORESEEN = ("own", "half", "steps", "members", "companion")  # of a request: its quote, that of half the error, for what
 REQUESTS = Path(".snakemake/requests")  # next to Snakemake's own notes
 MAX_MISTAKES_SHOWN = 20  # more scroll away
 
@@ -121,9 +122,8 @@ def load(
 def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) -> Mine:
     """The mine with the grid that a request asks for, as if its file gave that. Raises InputError where it cannot.
 
-    What was chosen is kept in REQUESTS, for the rock and the first dated step of the mine, whatever later months add:
-    free memory, and on a cluster the number of cores, is another one at each start, and with other cells all stages
-    would run again.
+    What was chosen is kept in REQUESTS, for the rock, the solids and the first steps of the mine: free memory, and on a
+    cluster the number of cores, is another one at each start, and with other cells all stages would run again.
     """
     from common.kernel_cache import use_numba_cache
 
@@ -143,11 +143,12 @@ def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) ->
     else:
         cell = kept["cell"]
     written = {key: value for key, value in (mine.text.get("grid") or {}).items() if key not in SIZE_KEYS}
-    if settings["doubled"]:
-        levels = grid.levels + round(math.log2(mine.finest_cell / cell))
-        written |= {"coarse_cell": f"{grid.coarse_cell:.15g} m", "levels": levels}
+    if not settings["doubled"] or mine.far_field:
+        written["finest_cell"] = f"{cell:.15g} m"
     else:
-        written |= {"finest_cell": f"{cell:.15g} m"}
+        written["coarse_cell"] = f"{grid.coarse_cell:.15g} m"
+    if settings["doubled"]:
+        written["levels"] = grid.levels + round(math.log2(mine.finest_cell / cell))
     try:
         found = load(mine.text | {"grid": written}, mine_file, mine.default)
     except InputErrors as errors:
@@ -157,10 +158,10 @@ def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) ->
         own = quotes.at(found.finest_cell)
         half = quotes.half(own)
         kept = {"cell": cell, "said": own.text(), "own": asdict(own), "half": half and asdict(half)}
-        kept |= {key: settings[key] for key in ("steps", "members")}
+        kept |= {key: settings[key] for key in ("steps", "members", "companion")}
         _keep_choice(path, kept)
     found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {kept['said']}"
-    found.foreseen = {key: kept[key] for key in ("own", "half", "steps", "members")}
+    found.foreseen = {key: kept[key] for key in FORESEEN}
     return found
 
 
@@ -175,13 +176,11 @@ def _keep_choice(path: Path, choice: dict) -> None:
 
 
 def _kept_choice(path: Path) -> dict | None:
-    """What was chosen for a request: the finest cells (m), what was said of them, and their quote and that of half the
-    error; None if nothing was yet."""
+    """What was chosen for a request: the finest cells (m), what was said of them, and FORESEEN; None if nothing was
+    yet."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
-        own, half = kept["own"], kept["half"]
-        quotes = {"own": dict(own), "half": half and dict(half), "steps": kept["steps"], "members": kept["members"]}
-        return {"cell": float(kept["cell"]), "said": str(kept["said"])} | quotes
+        return {"cell": float(kept["cell"]), "said": str(kept["said"])} | {key: kept[key] for key in FORESEEN}
     except (OSError, ValueError, KeyError, TypeError):  # none yet, or no longer whole
         return None
 

@@ -49,7 +49,7 @@ class MineConfiguration:
     asked: dict | None = field(init=False, default=None)  # the request as written
     foreseen: dict | None = field(
         init=False, default=None
-    )  # its quote `own`, `half` for half of the error, steps, members
+    )  # its quote `own`, `half` for half of the error; for what run
     record_mistakes: str = field(init=False, default="")  # of a record that was left out for them
     made_schedule: "MadeSchedule | None" = field(init=False, default=None)  # what section `schedule` makes
     grid_text: str = field(init=False, default="")  # how the grid of its file lies on the map; empty if it is the map

@@ -46,8 +46,8 @@ class Pilot:
 
     cell: edge of its finest cells, m; start, start_finest: cells of its grid, and the finest of them; grid, elastic:
     processor time of these stages without compiling, s, on one core; steps: those that it ran; thickness: of the rock
-    that failed in the last of them in which any did, m; NaN if none did; around: the opening with most of the rock
-    that failed in that step around it, and collapsed: the step in which the mine collapsed, by name, or empty.
+    that failed in the last of them in which any did, m; NaN if none did; around: the opening with more of that rock
+    around it than any other, and collapsed: the step in which the mine collapsed, by name, or empty.
     """
 
     cell: float
@@ -67,9 +67,12 @@ class Pilot:
 
 
 def pilot_slices(mine: Mine) -> list[dict]:
-    """Settings of the pilots of a mine, on the largest cells first and on its own last: its stages as workflow.run_mine
-    takes them, up to the first dated step that mines, the size `cell` of the finest cells, m, and the numbers of the
-    excavations that are `open` then. None where its cells cannot be larger."""
+    """Settings of the pilots of a mine, on the largest cells first and on its own last. None where its cells cannot be
+    larger.
+
+    They are those of the stages as workflow.run_mine takes them, up to the first dated step that mines. `cell`: size of
+    the finest cells, m; `mined`: of each excavation the number of the step that mines it, -1 for none.
+    """
     levels = mine.settings.grid.levels
     fewest = max(1, min(2, levels - 1)) if mine.is_adaptive else 1  # of one size, none follow the rock
     own = copy.copy(mine)
@@ -85,8 +88,8 @@ def _first_steps(mine: Mine) -> dict:
     dated = [number for number, name in enumerate(steps) if name in mine.dated_steps]
     last = next((number for number in dated if steps[number] in mined), dated[0] if dated else 0)
     slices = mine.run_slices([])
-    is_open = [number for number, entry in enumerate(mine.excavations) if 0 <= mine.step_index(entry.step) <= last]
-    return slices | {"steps": slices["steps"][: last + 1], "cell": mine.finest_cell, "open": is_open}
+    mined_in = [mine.step_index(entry.step) for entry in mine.excavations]
+    return slices | {"steps": slices["steps"][: last + 1], "cell": mine.finest_cell, "mined": mined_in}
 
 
 def pilot_of(name: str, pilots: list[dict], cells: int, code: str, cores: int) -> Pilot:
@@ -159,7 +162,7 @@ def _run(slices: dict, failed: Path) -> Pilot:
                     steps.append(PilotStep(step, *_cells(dataset), seconds[name]))
                     of_step = failed_thickness(dataset, [facts["step_index"]]) * slices["cell"]
                     if np.isfinite(of_step):
-                        thickness, around = of_step, _around(dataset, facts["step_index"], grid, slices["open"])
+                        thickness, around = of_step, _around(dataset, facts["step_index"], grid, slices["mined"])
                     if facts.get("collapsed") and not collapsed:
                         collapsed = step
                 before = running_time()
@@ -170,13 +173,14 @@ def _run(slices: dict, failed: Path) -> Pilot:
     )
 
 
-def _around(state: xr.Dataset, step: int, grid: xr.Dataset, is_open: list[int]) -> str:
-    """The opening with most of the rock that failed in a step (by index) nearest to it; empty without openings."""
+def _around(state: xr.Dataset, step: int, grid: xr.Dataset, mined: list[int]) -> str:
+    """The opening with more of the rock that failed in a step (by index) nearest to it than any other; empty without
+    openings. mined: the step of each excavation, -1 for none."""
     from catalogs.sources.openings import nearest_opening
 
     names = json.loads(grid.attrs["excavation_names"])
     failed = state["failed"].values == step
-    opened = np.isin(np.arange(len(names)), is_open)
+    opened = (np.array(mined, int) >= 0) & (np.array(mined, int) <= step)
     nearest, _ = nearest_opening(
         state["position"].values[failed], grid["piece_origin"].values, float(grid.attrs["fine_cell"]),
         grid["piece_excavation"].values.astype(np.int64), opened, np.arange(len(names)),
@@ -186,6 +190,6 @@ def _around(state: xr.Dataset, step: int, grid: xr.Dataset, is_open: list[int]) 
 
 
 def _cells(dataset: xr.Dataset) -> tuple[int, int]:
-    """Cells of a grid or a state, and the finest of them."""
+    """Cells of a grid or a state, and those of the finest size that there can be: a first step may mine nothing."""
     level = dataset["cell_level"].values
-    return len(level), int(np.count_nonzero(level == level.max()))
+    return len(level), int(np.count_nonzero(level == int(dataset.attrs["levels"]) - 1))

@@ -4,8 +4,8 @@ A pilot on larger cells shows what the first steps take (workflow.pilot). From t
 
 - The cells of the grid are counted. Of those that steps add, the finest lie around failed rock: with cells of half the
   size there are 2^FINEST_ORDER times as many. The coarser ones surround these and what is mined: there are
-  2^COARSER_ORDER times as many. Each later step adds LATER_SHARE of what the first dated one adds. The run splits no
-  cells beyond grid.max_cells.
+  2^COARSER_ORDER times as many. Each later step adds LATER_SHARE of what the last one of the pilot adds. The run splits
+  no cells beyond grid.max_cells.
 - Failure spreads cell by cell, so a step takes more cycles on smaller cells: 2^CYCLES_ORDER times as many with half the
   size. A cycle takes time as cells^CELLS_ORDER, since many cells no longer stay in the cache. Other stages take time in
   proportion to their cells.
@@ -134,7 +134,7 @@ class Quotes:
                 "grid.levels"
             )
         if settings["accuracy"] == PRESET_OF[2.0] and draft_keeps_cells(settings["grids"][str(settings["cell"])]):
-            settings = settings | {"cell": 0.5 * settings["cell"]}
+            settings = settings | {"cell": 0.5 * settings["cell"], "levels": settings["levels"] + 1}
         self.settings, self.cores = settings, cores
         self.cells: dict[float, int] = {}
         for cell, grid in settings["grids"].items():
@@ -210,17 +210,22 @@ class Quotes:
             cells = max(cells, min(cells + added, most))
             seconds = step.seconds * (cells / step.cells) ** CELLS_ORDER * finer ** (CYCLES_ORDER - less)
             steps += seconds
-        for _ in range(self.settings["steps"] - len(pilot.steps)):
+        later = 0 if pilot.collapsed else self.settings["steps"] - len(pilot.steps)
+        for _ in range(later):
             seconds *= (1.0 + LATER_SHARE * added / cells) ** CELLS_ORDER
             cells = max(cells, min(cells + LATER_SHARE * added, most))
             steps += seconds
         return (pilot.grid + pilot.elastic) * start / pilot.start + steps, steps, round(cells)
 
     def half(self, one: Quote) -> Quote | None:
-        """The quote on the largest cells with half of the error of another; None where study openings vouches for no
-        such error, or no error is known."""
+        """The quote on the largest cells that there can be with half of the error of another; None where study openings
+        vouches for no such error, where cells can be no smaller, or where no error is known."""
         cell = self.largest(lambda other: other.error <= 0.5 * one.error) if math.isfinite(one.error) else 0.0
-        return self.at(cell) if cell else None
+        return self.at(max(self.possible(cell), self.sizes[0])) if cell else None
+
+    def is_truncated(self, one: Quote) -> bool:
+        """True if a run would not split all cells that rock near its strength needs."""
+        return self.settings["follows"] and one.end >= self.settings["max_cells"]
 
     def narrow(self, cell: float) -> list[str]:
         """Openings that are narrow for cells of a size (m), the narrowest first, as text."""
@@ -259,6 +264,8 @@ def text_of(quotes: Quotes) -> str:
         if cell not in quotes.cells:
             continue
         preset = PRESET_OF[size] if settings["accuracy"] == PRESET_OF[1.0] else ""
+        if preset == PRESET_OF[2.0] and draft_keeps_cells(settings["grids"][str(cell)]):
+            preset = ""  # a draft has other cells
         one = quotes.at(cell, draft=preset == PRESET_OF[2.0])
         rows.append(
             (
@@ -275,16 +282,20 @@ def text_of(quotes: Quotes) -> str:
         *("  ".join(part.rjust(width) for part, width in zip(row, widths, strict=True)) for row in rows),
     ]
     if pilot.around:
-        lines.append(f"most of the rock that fails there, and so most of the error, is around {pilot.around}")
+        lines.append(
+            f"the error is above all that of {pilot.around}: more rock fails there than around any other opening"
+        )
     if settings["follows"] and pilot.start == pilot.start_finest:
-        lines.append("there all cells are of one size: how many the run splits around failing rock is not foreseen")
+        lines.append("it was tried on cells of one size: how many the run splits around failing rock is not foreseen")
     if pilot.collapsed:
         lines.append(
-            f"there the mine collapses in {pilot.collapsed}: steps after a collapse are not computed, and cost nothing "
-            "here"
+            f"the mine that was tried collapses in {pilot.collapsed}: steps after it are not computed, and cost nothing"
         )
-    if own.end >= settings["max_cells"]:
-        lines.append(f"grid.max_cells ({settings['max_cells']:,}) is reached: rock fails in larger cells then")
+    if quotes.is_truncated(own):
+        lines.append(
+            f"grid.max_cells ({settings['max_cells']:,}) is reached: rock that nears its strength then stays in larger "
+            "cells and does not fail"
+        )
     free = usable()
     if own.memory > free:
         fits = quotes.smallest(lambda one: one.memory <= free)
@@ -313,21 +324,23 @@ def _rounded(cell: float, up: bool = False) -> float:
 
 
 def choose(quotes: Quotes, request: AccuracyRequest) -> float:
-    """Finest cells (m) that a request asks for. Without a memory in the request, that which is free counts.
+    """Finest cells (m) that a request asks for, and that grid.max_cells allows. Without a memory in the request, that
+    which is free counts.
 
     Raises InputError, one line that says what can be had, where there are none.
     """
     asked = {"memory": usable() / 1e9} | request.given()
-    limits: dict[str, Callable[[Quote], bool]] = {
-        "time": lambda one: one.wall <= asked["time"] * 60.0,
-        "memory": lambda one: one.memory <= asked["memory"] * 1e9,
-    }
-    fit = max(quotes.smallest(limits[key]) for key in limits.keys() & asked.keys())
+    limits: list[Callable[[Quote], bool]] = [
+        lambda one: one.memory <= asked["memory"] * 1e9,
+        lambda one: "time" not in asked or one.wall <= asked["time"] * 60.0,
+        lambda one: not quotes.is_truncated(one),
+    ]
+    fit = max(map(quotes.smallest, limits))
     least, most = map(quotes.at, quotes.sizes)
     if fit == math.inf:
         raise InputError(
-            f"accuracy: not to be had: on cells of {most.cell:.4g} m it still takes {duration_text(most.wall)} and "
-            f"{most.memory / 1e9:.1f} GB"
+            f"accuracy: not to be had: on cells of {most.cell:.4g} m it still takes {duration_text(most.wall)}, "
+            f"{most.memory / 1e9:.1f} GB and {most.end:,} cells"
         )
     fit = min(quotes.possible(fit, up=True), most.cell)
     if "error" not in asked:
@@ -352,7 +365,8 @@ def choose(quotes: Quotes, request: AccuracyRequest) -> float:
         takes, instead = quotes.at(cell), quotes.at(fit)
         free = "" if "memory" in request.given() else " of free memory"
         within = [] if request.time is None else [f"{request.time:g} min"]
-        within.append(f"{asked['memory']:.3g} GB{free}")
+        within.append(f"{asked['memory']:,.4g} GB{free}")
+        within += [f"{quotes.settings['max_cells']:,} cells (grid.max_cells)"] * quotes.is_truncated(takes)
         raise InputError(
             f"accuracy: an error of {asked['error']:g} % needs cells of {cell:.4g} m, {duration_text(takes.wall)} and "
             f"{takes.memory / 1e9:.1f} GB; within {' and '.join(within)} the error is {error_text(instead.error)}, on "

@@ -9,7 +9,11 @@ from pathlib import Path
 from common.costs import cost_of, duration_text
 
 CONFIG = "config"  # setting of the report's job: the mine file as written, whose keys a user knows
-AS_MADE = {"default", "insitu"}  # settings of that job which only follow from the mine file, or from the program
+AS_MADE = {
+    "default",
+    "insitu",
+    "foreseen",
+}  # settings of that job which only follow from the mine file, or from the program
 WRITTEN, SETTING, OTHER = "written", "setting", "other"
 MAX_CHANGES_SHOWN = 3
 ORDINARY = {"report_page"}  # a link, which says nothing to the user

@@ -313,8 +313,9 @@ def cells_of_draft(values: GridSlice, solids: list[Solid | Outside], later: np.n
 
 
 def draft_keeps_cells(values: GridSlice | dict) -> bool:
-    """Whether the draft of this slice keeps the cells of the mine's file."""
+    """True if a draft with the doubled cells of this slice keeps those of the mine's file."""
     values = GridSlice.of(values)
+    values = values.model_copy(update={"grid": values.grid.model_copy(update={"resized_by": "draft"})})
     solids = read_solids(values.excavations, "excavations", domain_of(values))
     _, lost = cells_of_draft(values, solids, np.isin(np.arange(len(solids)), values.later))
     return len(lost) > 0

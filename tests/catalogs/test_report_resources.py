@@ -41,14 +41,14 @@ def test_resources_are_of_the_stages_of_this_plan(tmp_path):
 
 
 OWN = {"cell": 2.0, "end": 90_000, "processor": 180.0, "memory": 7e8, "error": 0.12}
-RUN = {"cell": 2.0, "steps": 3, "members": 0, "made_of": ["grid", "rock"]}
+RUN = {"cell": 2.0, "steps": 3, "members": 0, "companion": True, "made_of": ["grid", "rock"]}
 ROWS = [
     {"stage": "steps/a", "processor": 200.0, "compiling": 20.0, "memory": 600.0},
     {"stage": "grid", "processor": 60.0, "compiling": 0.0, "memory": 500.0},
     {"stage": "elastic_rock, all stages", "processor": 900.0, "compiling": 0.0, "memory": 900.0},  # was in no quote
     {"stage": "vtk/steps/a", "processor": 900.0, "compiling": 0.0, "memory": 900.0},
 ]
-QUOTE = {"own": OWN, "half": None, "steps": 3, "members": 0}
+QUOTE = {"own": OWN, "half": None, "steps": 3, "members": 0, "companion": True}
 
 
 @pytest.mark.parametrize("half", [None, {"cell": 1.41, "processor": 600.0}])
@@ -68,7 +68,13 @@ def test_what_was_foreseen_for_another_run_or_not_at_all_is_not_told(tmp_path):
     assert foreseen(tmp_path, ROWS, RUN, 92_000) == ""
     (tmp_path / "quote.json").write_text(json.dumps(QUOTE | {"made_of": RUN["made_of"]}))
     assert foreseen(tmp_path, ROWS, RUN, 92_000)
-    for other in ({"cell": 1.0}, {"steps": 4}, {"members": 8}, {"made_of": ["grid", "weaker rock"]}):
+    for other in (
+        {"cell": 1.0},
+        {"steps": 4},
+        {"members": 8},
+        {"companion": False},
+        {"made_of": ["grid", "weaker rock"]},
+    ):
         assert foreseen(tmp_path, ROWS, RUN | other, 92_000) == ""
     assert foreseen(tmp_path, [], RUN, 92_000) == ""
     (tmp_path / "quote.json").write_text("{")

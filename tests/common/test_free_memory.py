@@ -25,7 +25,8 @@ def groups(monkeypatch, tmp_path):
             own.mkdir(parents=True, exist_ok=True)
             (own / names[0]).write_text(f"{limit}\n")
             (own / names[1]).write_text(f"{used}\n")
-            (own / "memory.stat").write_text(f"anon 5\n{names[2]} {caches}\n")
+            parts = {"anon": 5, f"{names[2]}inactive_file": caches // 4, f"{names[2]}active_file": caches - caches // 4}
+            (own / "memory.stat").write_text("".join(f"{name} {size}\n" for name, size in parts.items()))
         return free_memory.free_memory()
 
     return write

@@ -298,7 +298,7 @@ def test_a_stage_that_takes_long_says_what_it_does_and_where_it_stands(tmp_path)
     run = subprocess.run([sys.executable, "-c", SLOW_STAGE, str(log)], cwd=ROOT, capture_output=True, text=True)
     first, *between, last = run.stderr.splitlines()
     assert first == f"elastic tiny: elastic equilibrium; log: {log}"
-    assert between
+    assert 1 <= len(between) <= 6  # a busy machine may stretch the stage
     assert all(line.startswith("elastic tiny: increment 1 of 2 (") for line in between), between
     assert last.endswith(" MiB")
 

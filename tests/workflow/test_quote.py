@@ -12,9 +12,10 @@ import yaml
 from tiny_mines import TINY, box, snakemake, write_mine
 
 from catalogs.compare.cell_error import MIN_ERROR, error_at
+from catalogs.settings import ReportSlice
 from common.errors import InputError
 from common.job import config_hash
-from mpm_core.stages.grid_stage import cells_at_start, make_grid
+from mpm_core.stages.grid_stage import cells_at_start, draft_keeps_cells, make_grid
 from workflow import command_line, pilot, quote
 from workflow.configuration import load_mine
 from workflow.mine_settings import AccuracyRequest
@@ -37,6 +38,7 @@ SETTINGS = {
 def quotes(monkeypatch):
     """Quotes of a mine that was tried on cells of 4 m; other settings, cores and pilots by name."""
     monkeypatch.setattr(quote, "cells_at_start", lambda grid: grid)
+    monkeypatch.setattr(quote, "draft_keeps_cells", lambda grid: False)
 
     def make(cores=1, found=FOUND, **changes) -> Quotes:
         monkeypatch.setattr(quote, "pilot_of", lambda *_: found)
@@ -70,7 +72,9 @@ def test_smaller_cells_cost_more_and_err_less(quotes):
 def test_half_of_an_error_is_that_of_smaller_cells_as_far_as_a_study_vouches_for_it(quotes):
     made = quotes()
     half = made.half(made.at(4.0))
-    assert half.error == pytest.approx(0.5 * made.at(4.0).error, rel=1e-3)
+    assert 0.45 < half.error / made.at(4.0).error <= 0.5
+    assert half.cell == float(f"{half.cell:.2g}")
+    assert quotes(doubled=True).half(made.at(4.0)).cell == 2.0  # the next smaller that the file can have
     assert half.processor > made.at(4.0).processor
     assert made.half(made.at(1.0)) is None
     nothing = quotes(found=replace(FOUND, thickness=math.nan))
@@ -108,6 +112,7 @@ def test_no_more_cells_are_foreseen_than_the_file_allows(quotes):
     assert (bound.start, bound.end) == (10_000, 12_000)
     assert bound.processor < free.processor
     assert "grid.max_cells (5,000) is reached" in text_of(quotes(max_cells=5000))
+    assert "max_cells" not in text_of(quotes(max_cells=5000, follows=False))
     assert "max_cells" not in text_of(quotes())
 
 
@@ -119,9 +124,10 @@ def test_in_plane_strain_fewer_cells_and_cycles_come_with_smaller_ones(quotes):
 
 
 def test_what_a_pilot_leaves_open_is_said(quotes):
-    assert "around stope_1" in text_of(quotes(found=replace(FOUND, around="stope_1")))
-    collapsed = text_of(quotes(found=replace(FOUND, collapsed="history")))
-    assert "there the mine collapses in history: steps after a collapse are not computed" in collapsed
+    assert "the error is above all that of stope_1" in text_of(quotes(found=replace(FOUND, around="stope_1")))
+    collapsed = quotes(steps=9, found=replace(FOUND, collapsed="2019-08"))
+    assert "collapses in 2019-08: steps after it are not computed, and cost nothing" in text_of(collapsed)
+    assert collapsed.at(2.0) == quotes().at(2.0)
     of_one_size = replace(FOUND, start_finest=FOUND.start)
     assert "how many the run splits around failing rock is not foreseen" in text_of(quotes(found=of_one_size))
     assert "not foreseen" not in text_of(quotes(found=of_one_size, follows=False))
@@ -144,8 +150,11 @@ def test_a_size_that_is_too_large_to_count_is_left_out(quotes, monkeypatch):
 
 def test_a_draft_that_keeps_the_cells_is_quoted_on_them(quotes, monkeypatch):
     monkeypatch.setattr(quote, "draft_keeps_cells", lambda grid: True)
-    assert quotes(accuracy="draft").own.cell == 1.0
-    assert "as they are  1 m" in text_of(quotes(accuracy="draft"))
+    made = quotes(accuracy="draft", doubled=True, levels=3)
+    assert made.own.cell == 1.0
+    assert made.sizes[1] == 8.0  # with one level more
+    assert "as they are  1 m" in text_of(made)
+    assert "(draft)" not in text_of(quotes())
     monkeypatch.setattr(quote, "draft_keeps_cells", lambda grid: False)
     assert quotes(accuracy="draft").own.cell == 2.0
 
@@ -187,6 +196,12 @@ def test_a_request_is_met_by_cells_that_are_just_small_or_large_enough(quotes, m
     both = choose(made, AccuracyRequest.of({"memory": 1.0, "time": 2.0}))
     assert both == max(by_time, by_memory)
     assert choose(made, AccuracyRequest.of({"error": 10.0, "time": 600.0})) == by_error
+    within = choose(quotes(max_cells=5000), AccuracyRequest.of({"time": 600.0}))  # or no rock would fail any more
+    assert made.at(within).end < 5000 <= made.at(0.9 * within).end
+    with pytest.raises(
+        InputError, match=r"within .* GB of free memory and 5,000 cells \(grid.max_cells\) the error is"
+    ):
+        choose(quotes(max_cells=5000), AccuracyRequest.of({"error": 6.0}))
     monkeypatch.setattr(quote, "usable", lambda: 1e9)  # what is free counts, too
     assert choose(made, AccuracyRequest.of({"time": 1e6})) == by_memory
     monkeypatch.setattr(quote, "usable", lambda: 1e12)
@@ -218,7 +233,7 @@ def test_a_refusal_names_cells_that_the_file_can_have_and_their_error(quotes, mo
     with pytest.raises(InputError) as told:
         choose(made, AccuracyRequest.of({"error": 6.0, "time": 0.7}))
     said = re.search(
-        r"within 0.7 min and 1e\+03 GB of free memory the error is (.*), on cells of (.*) m", str(told.value)
+        r"within 0.7 min and 1,000 GB of free memory the error is (.*), on cells of (.*) m", str(told.value)
     )
     assert math.log2(float(said[2]) / 2.0).is_integer()
     assert said[1] == quote.error_text(made.at(float(said[2])).error)
@@ -283,6 +298,27 @@ def test_a_mine_is_tried_with_its_history_and_first_month_on_larger_cells(monkey
     assert made.at(2.5).start == make_grid(mine.grid_slice(), {}).sizes["cell"]
 
 
+def test_before_anything_is_mined_no_cell_is_of_the_finest(monkeypatch, tmp_path):
+    """All were taken for such, and it was said that all cells are of one size."""
+    text = yaml.safe_load(FLAT.read_text())
+    opened = [one | {"step": "2019-08"} for one in text["excavations"]]
+    mine = load_mine(FLAT, {"excavations": opened, "grid": {"levels": 3}})
+    monkeypatch.chdir(tmp_path)
+    found = Quotes(quote_slice(mine), "code", 1)
+    assert found.pilot.start_finest == 0
+    assert found.pilot.steps[-1].finest > 0
+    assert found.pilot.around in {one["name"] for one in opened}
+    assert "one size" not in text_of(found)
+
+
+def test_a_draft_of_a_narrow_drive_keeps_its_cells(accept):
+    narrow = [box("drive", "history", [20, 20, 40], [60, 25, 45])]
+    for values, keeps in (({"excavations": narrow}, True), ({}, False)):
+        doubled = accept(TINY, accuracy="draft", **values).grid_slice()
+        assert draft_keeps_cells(doubled) is keeps
+        assert draft_keeps_cells(doubled | {"grid": doubled["grid"] | {"resized_by": None}}) is keeps
+
+
 def test_cells_are_counted_as_the_grid_makes_them(accept):
     old, new = (
         box(name, step, [x, 30, 40], [x + 10, 40, 50]) for name, step, x in (("a", "history", 20), ("b", "2019-08", 50))
@@ -315,6 +351,24 @@ def test_a_file_with_a_request_is_as_one_with_those_cells(monkeypatch, tmp_path)
     derived = load_mine(file)
     assert derived.finest_cell == pytest.approx(4.4)
     assert derived.text["grid"]["finest_cell"] == "4.4 m"
+    shown = derived.report_slice()
+    assert shown["config"]["accuracy"] == {"error": "15 %"}
+    assert ReportSlice.of(json.loads(json.dumps(shown))).foreseen["own"]["cell"] == pytest.approx(4.4)
+    file.write_text(yaml.safe_dump(text | {"grid": {"finest_cell": "5 m", "levels": 4}, "accuracy": {"error": "15 %"}}))
+    assert load_mine(file).finest_cell == 2.5  # by halves, and its largest cells with it
+
+
+def test_a_mistake_on_the_cells_that_follow_says_so(monkeypatch, tmp_path):
+    """Its line named cells that stand in no file."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(quote, "pilot_of", lambda *_: FOUND)
+    text = yaml.safe_load(FLAT.read_text())
+    del text["domain"]
+    asked = {"grid": {"finest_cell": "5 m"}, "accuracy": {"memory": "0.452 GB"}, "seismic": {"link_length": "11 m"}}
+    file = tmp_path / "derived.yaml"
+    file.write_text(yaml.safe_dump(text | asked))
+    with pytest.raises(InputError, match=r"link_length.*\(on the cells of .* m that follow from accuracy\)"):
+        load_mine(file)
 
 
 def test_the_cells_of_a_request_stay_whatever_is_free_at_a_later_start(monkeypatch, tmp_path):
@@ -377,11 +431,12 @@ def test_the_target_prints_the_table_and_a_request_says_which_cells_follow(tmp_p
     made_of = values["made_of"]
     mine = load_mine(file)
     assert made_of == [config_hash(mine.slice_of(name)) for name in ("grid", "elastic")]
-    (said,) = quote_of(tmp_path / "logs" / "tiny", made_of[0])
+    (said,) = quote_of(tmp_path / "logs" / "tiny", made_of[0], 2)
     assert said.startswith("On cells of 5 m with ")
     assert " GB, error of potency and failed volume " in said
-    assert quote_of(tmp_path / "logs" / "tiny", "of other cells") == []
-    assert quote_of(None, made_of[0]) == []
+    assert quote_of(tmp_path / "logs" / "tiny", "of other cells", 2) == []
+    assert quote_of(tmp_path / "logs" / "tiny", made_of[0], 3) == []
+    assert quote_of(None, made_of[0], 2) == []
     status, text = snakemake(file, tmp_path, "--dry-run", "--config", "accuracy={memory: 0.1 GB}")
     assert status
     assert "accuracy: not to be had" in text

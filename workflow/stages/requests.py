@@ -31,13 +31,13 @@ def scene(job: Job) -> None:
     for note in notes:
         logging.warning(note)
     steps = PictureSlice.of({"steps": job.settings["steps"]}).steps
-    notes += quote_of(job.logs, grid.attrs.get("config_hash"))
+    notes += quote_of(job.logs, grid.attrs.get("config_hash"), len(steps))
     write_overview(grid, steps, record, job.output(), notes)
 
 
-def quote_of(logs: Path | None, made_of: str | None) -> list[str]:
-    """What `snakemake quote` foresaw for the grid with this hash of its settings, as a sentence; none where nobody
-    asked."""
+def quote_of(logs: Path | None, made_of: str | None, steps: int) -> list[str]:
+    """What `snakemake quote` foresaw for the grid with this hash of its settings and so many steps, as a sentence; none
+    where nobody asked."""
     import json
 
     from workflow.quote import Quote
@@ -46,7 +46,8 @@ def quote_of(logs: Path | None, made_of: str | None) -> list[str]:
         kept = json.loads(((logs or Path()) / "quote.json").read_text(encoding="utf-8"))
         one = Quote(**kept["own"])
         told = f"On cells of {one.cell:.3g} m with {kept['cores']} core{'s' * (kept['cores'] > 1)}, {one.text()}."
-        return [told] if kept["made_of"][0] == made_of else []
+        # Without listed steps a mine has its history alone, which no step of its own computes.
+        return [told] if kept["made_of"][0] == made_of and max(kept["steps"], 1) == steps else []
     except (OSError, ValueError, KeyError, TypeError):
         return []
 
@@ -88,6 +89,7 @@ def quote(job: Job) -> None:
         "cores": job.threads,
         "steps": job.settings["steps"],
         "members": job.settings["members"],
+        "companion": job.settings["companion"],
         "made_of": [config_hash(grid), config_hash(rock)],
     }
     with atomic_path(job.output("quote.json")) as temporary:

@@ -29,6 +29,7 @@ MADE_BY = {  # stage, and the datasets without all of which its log is of an ear
     COARSE: ("grid_convergence",),
 }
 NOT_FORESEEN = re.compile(rf"{ELASTIC_ROCK}\b|scene|twin|vtk/")  # stages that nobody asked a quote for
+LIKE, OWN = ("steps", "members", "companion"), ("cell", "end", "processor", "memory", "error")  # fields of a quote
 QUOTE = "quote.json"  # in the folder of logs: what `snakemake quote` foresaw
 
 
@@ -45,6 +46,7 @@ def section(evidence: Evidence, _: Gallery) -> dict:
         "cell": float(evidence.grid.attrs["fine_cell"]),
         "steps": len(evidence.steps),
         "members": members,
+        "companion": evidence.grid_convergence is not None,
         "made_of": [one.attrs.get("config_hash") for one in (evidence.grid, *evidence.stages[:1])],
     }
     return {"rows": rows, "foreseen": foreseen(evidence.logs, rows, run, cells, evidence.foreseen)}
@@ -52,11 +54,12 @@ def section(evidence: Evidence, _: Gallery) -> dict:
 
 def foreseen(logs, rows: list[dict], run: Mapping, cells: int, asked: Mapping | None = None) -> str:
     """What was foreseen for the run, what it took, and what half of the error would cost; empty where nothing was
-    foreseen for such a run: its finest cells, m, its steps and members, and hashes `made_of` of its grid's and its
-    rock's settings. rows: see read_resources; cells: at the end; asked: what a request was told, where no quote is."""
+    foreseen for such a run: its finest cells, m, its steps, members and companion, and hashes `made_of` of its grid's
+    and its rock's settings. rows: see read_resources; cells: at the end; asked: what a request was told, if there is no
+    quote."""
     quote = _quote_of(logs, run) or asked
     rows = [row for row in rows if not NOT_FORESEEN.match(row["stage"])]
-    if not quote or not rows or any(quote[key] != run[key] for key in ("steps", "members")):
+    if not quote or not rows or any(quote[key] != run[key] for key in LIKE):
         return ""
     own, half = quote["own"], quote["half"]
     if not math.isclose(own["cell"], run["cell"]):
@@ -82,7 +85,8 @@ def _quote_of(logs, run: Mapping) -> dict | None:
     """What `snakemake quote` foresaw for this grid and this rock; None where nobody asked."""
     try:
         quote = json.loads((Path(logs or ".") / QUOTE).read_text(encoding="utf-8"))
-        same = quote["made_of"] == run["made_of"] and quote.keys() >= {"own", "half", "steps", "members"}
+        whole_one = quote.keys() >= {*LIKE, "own", "half"} and quote["own"].keys() >= set(OWN)
+        same = whole_one and quote["made_of"] == run["made_of"]
     except (OSError, ValueError, KeyError, TypeError):  # none was asked for, or it is no longer whole
         return None
     return quote if same else None

@@ -80,6 +80,8 @@ def _numbers(evidence: Evidence) -> Iterator[Banner]:
 
 def finer_cells(evidence: Evidence) -> Advice:
     """Advice to halve the cells, with the key by which the mine file sets them."""
+    if isinstance(evidence.config.get("accuracy"), dict):  # the cells follow from a request
+        return Advice("Ask for a smaller error, or take accuracy out and halve the cells:", "accuracy: {error: ... %}")
     cell, grid = float(evidence.grid.attrs["fine_cell"]), evidence.config.get("grid", {})
     by_levels = "finest_cell" not in grid and "levels" in grid
     code = f"grid.levels: {int(grid['levels']) + 1}" if by_levels else f"grid.finest_cell: {cell / 2:g} m"
