@@ -156,8 +156,10 @@ def on_requested_cells(mine: Mine, request: AccuracyRequest, mine_file: Path) ->
         raise InputErrors(f"{line} ({on})" for line in errors.lines) from errors
     if kept is None:
         own = quotes.at(found.finest_cell)
-        half = quotes.half(own)
-        kept = {"cell": cell, "said": own.text(), "own": asdict(own), "half": half and asdict(half)}
+        half, said = quotes.half(own), own.text()
+        if where := quotes.pilot.collapsed:
+            said += f"; the mine that was tried collapses in {where}, and steps after it are taken to cost nothing"
+        kept = {"cell": cell, "said": said, "own": asdict(own), "half": half and asdict(half)}
         kept |= {key: settings[key] for key in ("steps", "members", "companion")}
         _keep_choice(path, kept)
     found.requested = f"accuracy: cells of {found.finest_cell:.3g} m; {kept['said']}"

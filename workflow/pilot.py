@@ -45,7 +45,7 @@ class Pilot:
     """What a pilot found.
 
     cell: edge of its finest cells, m; start, start_finest: cells of its grid, and the finest of them; grid, elastic:
-    processor time of these stages without compiling, s, on one core; steps: those that it ran; thickness: of the rock
+    processor time of these stages without compiling, s; steps: those that it ran; thickness: of the rock
     that failed in the last of them in which any did, m; NaN if none did; around: the opening with more of that rock
     around it than any other, and collapsed: the step in which the mine collapsed, by name, or empty.
     """
@@ -70,8 +70,9 @@ def pilot_slices(mine: Mine) -> list[dict]:
     """Settings of the pilots of a mine, on the largest cells first and on its own last. None where its cells cannot be
     larger.
 
-    They are those of the stages as workflow.run_mine takes them, up to the first dated step that mines. `cell`: size of
-    the finest cells, m; `mined`: of each excavation the number of the step that mines it, -1 for none.
+    They are those of the stages as workflow.run_mine takes them, up to the first dated step that mines, or up to the
+    first that does where none is dated. `cell`: size of the finest cells, m; `mined`: of each excavation the number of
+    the step that mines it, -1 for none.
     """
     levels = mine.settings.grid.levels
     fewest = max(1, min(2, levels - 1)) if mine.is_adaptive else 1  # of one size, none follow the rock
@@ -86,7 +87,8 @@ def pilot_slices(mine: Mine) -> list[dict]:
 def _first_steps(mine: Mine) -> dict:
     steps, mined = mine.mined_steps, {entry.step for entry in mine.excavations}
     dated = [number for number, name in enumerate(steps) if name in mine.dated_steps]
-    last = next((number for number in dated if steps[number] in mined), dated[0] if dated else 0)
+    wanted = dated or range(len(steps))
+    last = next((number for number in wanted if steps[number] in mined), dated[0] if dated else 0)
     slices = mine.run_slices([])
     mined_in = [mine.step_index(entry.step) for entry in mine.excavations]
     return slices | {"steps": slices["steps"][: last + 1], "cell": mine.finest_cell, "mined": mined_in}

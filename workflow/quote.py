@@ -58,8 +58,8 @@ class Quote:
 
     cell m; start, end: cells of the grid, and after the last step; memory: bytes at the peak, of steps and of the
     companion that runs beside them; processor, wall: time of the whole run, s, its companion and its ensemble included,
-    without compiling; error: of potency and failed volume, a share; NaN where no rock failed in the pilot, infinite
-    where too little of it did.
+    without compiling; error: of potency and failed volume, a share; NaN where no rock failed in the pilot, or none
+    beside sound rock, infinite where too little of it did.
     """
 
     cell: float
@@ -130,8 +130,8 @@ class Quotes:
     def __init__(self, settings: dict, code: str, cores: int):
         if not settings["pilots"]:
             raise InputError(
-                "grid.levels: all cells are of one size, and the mine cannot be tried on larger ones; use more "
-                "grid.levels"
+                "grid.levels: all cells are of one size (as those of a draft may be), and the mine cannot be tried on "
+                "larger ones; use more grid.levels"
             )
         if settings["accuracy"] == PRESET_OF[2.0] and draft_keeps_cells(settings["grids"][str(settings["cell"])]):
             settings = settings | {"cell": 0.5 * settings["cell"], "levels": settings["levels"] + 1}
@@ -212,16 +212,18 @@ class Quotes:
             steps += seconds
         later = 0 if pilot.collapsed else self.settings["steps"] - len(pilot.steps)
         for _ in range(later):
-            seconds *= (1.0 + LATER_SHARE * added / cells) ** CELLS_ORDER
-            cells = max(cells, min(cells + LATER_SHARE * added, most))
+            grown = max(cells, min(cells + LATER_SHARE * added, most))
+            seconds *= (grown / cells) ** CELLS_ORDER
+            cells = grown
             steps += seconds
         return (pilot.grid + pilot.elastic) * start / pilot.start + steps, steps, round(cells)
 
     def half(self, one: Quote) -> Quote | None:
         """The quote on the largest cells that there can be with half of the error of another; None where study openings
-        vouches for no such error, where cells can be no smaller, or where no error is known."""
+        vouches for no such error, where cells can be no smaller, or no more of them, or where no error is known."""
         cell = self.largest(lambda other: other.error <= 0.5 * one.error) if math.isfinite(one.error) else 0.0
-        return self.at(max(self.possible(cell), self.sizes[0])) if cell else None
+        found = self.at(max(self.possible(cell), self.sizes[0])) if cell else None
+        return None if found is None or self.is_truncated(found) else found
 
     def is_truncated(self, one: Quote) -> bool:
         """True if a run would not split all cells that rock near its strength needs."""
@@ -255,7 +257,7 @@ class Quotes:
 def text_of(quotes: Quotes) -> str:
     """The quotes of a mine on cells of the sizes SIZES as lines of text."""
     settings, pilot = quotes.settings, quotes.pilot
-    own = quotes.own
+    own, truncated = quotes.own, []
     rows = [
         ("finest cells", "", "cells at the start", "at the end", "memory", "processor time", "by the clock", "error")
     ]
@@ -267,6 +269,7 @@ def text_of(quotes: Quotes) -> str:
         if preset == PRESET_OF[2.0] and draft_keeps_cells(settings["grids"][str(cell)]):
             preset = ""  # a draft has other cells
         one = quotes.at(cell, draft=preset == PRESET_OF[2.0])
+        truncated += [f"{cell:.4g} m"] * quotes.is_truncated(one)
         rows.append(
             (
                 title + f" ({preset})" * bool(preset), f"{cell:.4g} m", f"{one.start:,}", f"{one.end:,}",
@@ -291,10 +294,10 @@ def text_of(quotes: Quotes) -> str:
         lines.append(
             f"the mine that was tried collapses in {pilot.collapsed}: steps after it are not computed, and cost nothing"
         )
-    if quotes.is_truncated(own):
+    if truncated:
         lines.append(
-            f"grid.max_cells ({settings['max_cells']:,}) is reached: rock that nears its strength then stays in larger "
-            "cells and does not fail"
+            f"grid.max_cells ({settings['max_cells']:,}) is reached with cells of {' and '.join(truncated)}: rock that "
+            "nears its strength then stays in larger ones and does not fail, whatever the error above"
         )
     free = usable()
     if own.memory > free:

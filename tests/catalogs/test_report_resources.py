@@ -59,7 +59,7 @@ def test_what_was_foreseen_stands_beside_what_it_took(tmp_path, half):
     assert "It took 4 min without compiling, 0.6 GB in its largest stage, and 92,000 cells. " in said
     assert "error of potency and of failed volume was 12 %" in said
     assert said.endswith("Half of it needs cells of 1.41 m and about 10 min of processor time.") is bool(half)
-    assert said.endswith("Half of it is less than study openings vouches for.") is not bool(half)
+    assert said.endswith("No cells are known to halve it.") is not bool(half)
     (tmp_path / "quote.json").unlink()
     assert foreseen(tmp_path, ROWS, RUN, 92_000, QUOTE | {"half": half}).replace("\u202f", ",") == said  # of a request
 

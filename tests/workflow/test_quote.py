@@ -114,6 +114,22 @@ def test_no_more_cells_are_foreseen_than_the_file_allows(quotes):
     assert "grid.max_cells (5,000) is reached" in text_of(quotes(max_cells=5000))
     assert "max_cells" not in text_of(quotes(max_cells=5000, follows=False))
     assert "max_cells" not in text_of(quotes())
+    assert "grid.max_cells (9,000) is reached with cells of 1 m:" in text_of(quotes(max_cells=9000))
+    assert quotes(found=replace(FOUND, thickness=3.0), max_cells=9000).half(quotes().at(2.0)) is None
+    many, capped = (
+        quotes(steps=60).at(1.0),
+        quotes(steps=60, max_cells=12_000).at(1.0),
+    )  # no growth that does not happen
+    assert capped.processor < many.processor
+
+
+def test_cells_that_are_split_leave_fewer_coarse_ones(quotes):
+    """On much larger cells less than none were added, and the time of later steps was no number."""
+    steps = (PilotStep("history", 1200, 1100, 3.0), PilotStep("2019-08", 1500, 1500, 10.0))
+    made = quotes(steps=9, dimension=2, found=replace(FOUND, start_finest=800, steps=steps))
+    for cell in (128.0, 16.0, 4.0, 1.0):
+        assert made.at(cell).wall > 0.0
+    assert made.at(4.0).end >= 1500
 
 
 def test_in_plane_strain_fewer_cells_and_cycles_come_with_smaller_ones(quotes):
@@ -309,6 +325,14 @@ def test_before_anything_is_mined_no_cell_is_of_the_finest(monkeypatch, tmp_path
     assert found.pilot.steps[-1].finest > 0
     assert found.pilot.around in {one["name"] for one in opened}
     assert "one size" not in text_of(found)
+
+
+def test_without_dates_a_mine_is_tried_up_to_the_first_step_that_mines():
+    steps = [{"name": name} for name in ("before", "a", "b")]
+    text = yaml.safe_load(FLAT.read_text())
+    opened = [one | {"step": "a"} for one in text["excavations"]]
+    (*_, own) = pilot_slices(load_mine(FLAT, {"steps": steps, "excavations": opened}))
+    assert [step["name"] for step in own["steps"]][-1] == "a"
 
 
 def test_a_draft_of_a_narrow_drive_keeps_its_cells(accept):

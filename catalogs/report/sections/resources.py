@@ -76,7 +76,7 @@ def foreseen(logs, rows: list[dict], run: Mapping, cells: int, asked: Mapping | 
             f" Half of it needs cells of {half['cell']:.3g} m and about {duration_text(half['processor'])} of processor"
             " time."
             if half
-            else " Half of it is less than study openings vouches for."
+            else " No cells are known to halve it."
         )
     return text
 
